@@ -1,0 +1,3 @@
+//! Checks, fixtures and studies of the workspace: `cargo xtask <command>`.
+
+fn main() {}
