@@ -1,0 +1,1 @@
+//! Frames and masks from video files and folders.
