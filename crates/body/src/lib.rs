@@ -1,0 +1,21 @@
+//! The human body as a model: skeleton, joint limits, pose, skinned template, shape space.
+//!
+//! It knows nothing of images, filters or GPUs.
+//!
+//! # Conventions
+//! Metres and radians. World: right-handed, z up. Body frame (rest mesh): y up, faces +z, its left at +x.
+//! At rest (the A-pose: arms about 45 degrees down) every joint frame is aligned with the body frame and all angles are 0.
+//! `f64` for poses, `f32` for vertices.
+//! # Map
+//! [`skeleton`] joints, degrees of freedom, limits · [`pose`] angles and forward kinematics
+//! # References
+//! The keys in brackets, such as `[NorkinWhite2016]`, are listed in `docs/papers.md`.
+
+pub mod camera;
+mod camera_lens;
+pub mod pose;
+pub mod skeleton;
+
+pub use camera::{Camera, Intrinsics};
+pub use pose::{JointTransforms, Pose, RestJoints};
+pub use skeleton::{Dof, Joint, JointId, N_DOF, N_JOINTS, Skeleton};
