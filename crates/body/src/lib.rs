@@ -13,8 +13,11 @@
 
 pub mod camera;
 mod camera_lens;
+pub mod io;
 pub mod pose;
 pub mod skeleton;
+#[cfg(test)]
+mod test_data;
 
 pub use camera::{Camera, Intrinsics};
 pub use pose::{JointTransforms, Pose, RestJoints};
