@@ -76,7 +76,14 @@ fn report(check: &str, findings: &[String]) -> Result<ExitCode> {
     for finding in findings {
         println!("{finding}");
     }
-    println!("{check}: {} findings", findings.len());
+    println!(
+        "{check}: {}",
+        if findings.is_empty() {
+            "ok".to_owned()
+        } else {
+            format!("{} found", findings.len())
+        }
+    );
     Ok(if findings.is_empty() {
         ExitCode::SUCCESS
     } else {
