@@ -357,7 +357,7 @@ impl Mask {
         }
     }
 
-    fn clear_padding(&mut self) {
+    pub(crate) fn clear_padding(&mut self) {
         let pixels = self.last_word_pixels();
         if self.words_per_row > 0 {
             self.words

@@ -74,6 +74,35 @@ impl Mask {
     }
 }
 
+impl Mask {
+    /// Makes columns `x0..x1` of row `y` person.
+    pub(crate) fn fill_run(&mut self, y: u32, x0: u32, x1: u32) {
+        for_each_word_of_run(x0, x1, |index, bits| self.row_mut(y)[index] |= bits);
+    }
+
+    /// Person pixels in columns `x0..x1` of row `y`.
+    pub(crate) fn count_run(&self, y: u32, x0: u32, x1: u32) -> u64 {
+        let row = self.row(y);
+        let mut count = 0;
+        for_each_word_of_run(x0, x1, |index, bits| {
+            count += u64::from((row[index] & bits).count_ones())
+        });
+        count
+    }
+}
+
+/// Calls `visit` with the index of each word that columns `x0..x1` touch and the bits of the run in it.
+fn for_each_word_of_run(x0: u32, x1: u32, mut visit: impl FnMut(usize, u64)) {
+    let mut x = x0 as usize;
+    while x < x1 as usize {
+        let index = x / WORD_BITS;
+        let end = ((index + 1) * WORD_BITS).min(x1 as usize);
+        let ones = u64::MAX >> (WORD_BITS - (end - x));
+        visit(index, ones << (x % WORD_BITS));
+        x = end;
+    }
+}
+
 /// The first bit at or after `from` that is set in `row ^ flip`.
 fn next_bit(row: &[u64], from: u32, flip: u64) -> Option<u32> {
     let first = from as usize / WORD_BITS;

@@ -1,0 +1,111 @@
+//! Evidence per pixel: how badly do the background, and the background in shadow, explain the colour seen?
+//!
+//! With frame I, background B and noise σ the distance to the background is |I − B|/σ. A shadow keeps the colour's
+//! direction: I = αB with α below 1, so that only what is left of I after its projection on B counts, the
+//! chromaticity distortion of `[Horprasert1999]`; and it keeps the texture, so that α hardly changes from pixel to
+//! pixel, while a person's clothes have a texture of their own.
+
+use super::SCORE_LIMIT;
+use crate::image::RgbPlanes;
+
+/// Settings of the evidence.
+#[derive(Clone, Debug)]
+pub struct EvidenceConfig {
+    /// Distance at which a pixel is as likely person as background, standard deviations.
+    pub threshold_sd: f32,
+    /// The noise of a pixel is this times the robust noise of the frame: compression makes its tails long.
+    pub noise_factor: f32,
+    /// Least noise, grey levels.
+    pub minimum_noise: f32,
+    /// Edges of the background may move by this much (lens, compression, vibration), pixels.
+    pub edge_jitter_px: f32,
+    /// The darkest shadow: the least brightness left, as a share.
+    pub darkest_shadow: f32,
+    /// What calling a pixel shadow costs, standard deviations squared: plain background is the better guess.
+    pub shadow_cost: f32,
+    /// Weight of the shadow's unevenness from pixel to pixel; 0 leaves its texture out.
+    pub shadow_texture: f32,
+}
+
+impl Default for EvidenceConfig {
+    fn default() -> Self {
+        Self {
+            threshold_sd: 5.0,
+            noise_factor: 2.0,
+            minimum_noise: 1.0,
+            edge_jitter_px: 0.35,
+            darkest_shadow: 0.5,
+            shadow_cost: 6.0,
+            shadow_texture: 0.0,
+        }
+    }
+}
+
+/// Computes scores and keeps the buffers that this takes.
+#[derive(Clone, Debug)]
+pub(crate) struct Evidence {
+    /// Score of each pixel, standard deviations above the threshold, within ± [`SCORE_LIMIT`].
+    pub score: Vec<f32>,
+    /// Brightness of the background, grey levels.
+    luma: Vec<f32>,
+}
+
+impl Evidence {
+    pub fn new(n_pixels: usize) -> Self {
+        Self {
+            score: vec![0.0; n_pixels],
+            luma: vec![0.0; n_pixels],
+        }
+    }
+
+    /// Scores every pixel of `frame` against `background` (under the frame's light).
+    ///
+    /// `pixel_noise` and `frame_noise` in grey levels.
+    pub fn score(
+        &mut self,
+        frame: &RgbPlanes,
+        background: &RgbPlanes,
+        pixel_noise: &[f32],
+        frame_noise: f32,
+        config: &EvidenceConfig,
+    ) {
+        let [red, green, blue] = &background.planes;
+        for (((luma, r), g), b) in self.luma.iter_mut().zip(red).zip(green).zip(blue) {
+            *luma = (r + g + b) / 3.0;
+        }
+        let base_noise = (frame_noise.max(config.minimum_noise) * config.noise_factor).powi(2);
+        let jitter = (config.edge_jitter_px / 2.0).powi(2);
+        let (width, height) = (frame.width, frame.height);
+        for y in 0..height {
+            let row = y * width..(y + 1) * width;
+            let above = &self.luma[y.saturating_sub(1) * width..][..width];
+            let below = &self.luma[(y + 1).min(height - 1) * width..][..width];
+            let luma = &self.luma[row.clone()];
+            let frame_row = frame.planes.each_ref().map(|plane| &plane[row.clone()]);
+            let background_row = background.planes.each_ref().map(|plane| &plane[row.clone()]);
+            let noise_row = &pixel_noise[row.clone()];
+            let score_row = &mut self.score[row];
+            for x in 0..width {
+                let dx = luma[(x + 1).min(width - 1)] - luma[x.saturating_sub(1)];
+                let dy = below[x] - above[x];
+                let variance = base_noise + noise_row[x] * noise_row[x] + jitter * (dx * dx + dy * dy);
+                let b = background_row.map(|plane| plane[x]);
+                let d = [
+                    frame_row[0][x] - b[0],
+                    frame_row[1][x] - b[1],
+                    frame_row[2][x] - b[2],
+                ];
+                let distance = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+                let along = d[0] * b[0] + d[1] * b[1] + d[2] * b[2];
+                let length = b[0] * b[0] + b[1] * b[1] + b[2] * b[2] + 1.0;
+                // What is left after projecting on the background's colour, if α lies in the range of shadows.
+                let darkening = -along / length;
+                let is_shadow = darkening > 0.0 && darkening < 1.0 - config.darkest_shadow;
+                let shadow = distance - along * along / length + config.shadow_cost * variance;
+                let least = if is_shadow { distance.min(shadow) } else { distance };
+                let score = (least / variance).max(0.0).sqrt() - config.threshold_sd;
+                score_row[x] = score.clamp(-SCORE_LIMIT, SCORE_LIMIT);
+            }
+        }
+    }
+}
