@@ -1,0 +1,168 @@
+//! What a run can be told: the settings that change its answer, with their defaults and bounds.
+//!
+//! [`TrackConfig`] is the open form, as it stands in a file or on the command line; [`TrackParams`] is the checked one that
+//! the tracker takes. What only changes how a run is carried out (threads) is in [`ExecConfig`].
+
+use serde::{Deserialize, Serialize};
+
+/// Which motions the pose model expects.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Motion {
+    /// Anything: every joint angle is free within its anatomical limits, under a weak Gaussian prior.
+    Any,
+    /// What the captured motions span: principal components of joint angles.
+    Captured,
+}
+
+/// Settings of a tracking run, unchecked; every default of the product stands here.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TrackConfig {
+    /// Seed of every random draw of the run.
+    pub seed: u64,
+    /// Particles of the filter.
+    pub particles: u32,
+    /// Annealing layers a frame.
+    pub layers: u32,
+    /// Which motions are expected.
+    pub motion: Motion,
+    /// Principal components kept by [`Motion::Captured`].
+    pub components: u32,
+    /// Stature of the person, metres.
+    pub stature_m: f64,
+    /// Heading of the person on the first frame, degrees anticlockwise from world +x; searched for when absent.
+    pub initial_heading_deg: Option<f64>,
+    /// Height to which the person is scaled before the overlap is counted, pixels.
+    pub working_height_px: f64,
+    /// Log-likelihood lost when body and mask share nothing: ln p(r|x) = -sharpness (1 - IoU).
+    pub sharpness: f64,
+    /// Ratio of the exponents of one annealing layer and the next sharper one.
+    pub annealing_ratio: f64,
+    /// Weight of the Gaussian prior over joint angles in the log-likelihood.
+    pub prior_weight: f64,
+    /// Diffusion of the first layer, in standard deviations of the motion from one frame to the next.
+    pub diffusion: f64,
+    /// Ratio of the diffusion of one layer and the layer before.
+    pub diffusion_ratio: f64,
+    /// Share of the particles for which a layer tries to mirror a limb in depth.
+    pub mirror_share: f64,
+    /// Share of the particles for which a layer puts the lowest foot on the floor.
+    pub ground_share: f64,
+    /// Frames without a usable mask that are bridged before the person counts as lost.
+    pub coast_frames: u32,
+}
+
+impl Default for TrackConfig {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            particles: 200,
+            layers: 10,
+            motion: Motion::Any,
+            components: 12,
+            stature_m: 1.78,
+            initial_heading_deg: None,
+            working_height_px: 360.0,
+            sharpness: 150.0,
+            annealing_ratio: 0.7,
+            prior_weight: 0.02,
+            diffusion: 2.0,
+            diffusion_ratio: 0.8,
+            mirror_share: 0.02,
+            ground_share: 0.05,
+            coast_frames: 30,
+        }
+    }
+}
+
+/// A setting outside its range.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("settings: `{field}` is {value}, expected {expected}")]
+pub struct BadSetting {
+    /// Name of the field of [`TrackConfig`].
+    pub field: &'static str,
+    /// The value found.
+    pub value: f64,
+    /// What would have been accepted.
+    pub expected: &'static str,
+}
+
+/// Checked settings of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrackParams(TrackConfig);
+
+impl TrackParams {
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// The first field outside its range (NaN is outside every range).
+    pub fn new(config: TrackConfig) -> Result<Self, BadSetting> {
+        let c = &config;
+        check("particles", f64::from(c.particles), 2.0..=100_000.0, "2 to 100000")?;
+        check("layers", f64::from(c.layers), 1.0..=100.0, "1 to 100")?;
+        check("components", f64::from(c.components), 1.0..=49.0, "1 to 49")?;
+        check("stature_m", c.stature_m, 1.2..=2.3, "1.2 to 2.3 metres")?;
+        if let Some(heading) = c.initial_heading_deg {
+            check("initial_heading_deg", heading, -360.0..=360.0, "-360 to 360 degrees")?;
+        }
+        check("working_height_px", c.working_height_px, 60.0..=2000.0, "60 to 2000 pixels")?;
+        check("sharpness", c.sharpness, 1.0..=10_000.0, "1 to 10000")?;
+        check("annealing_ratio", c.annealing_ratio, 0.05..=1.0, "0.05 to 1")?;
+        check("prior_weight", c.prior_weight, 0.0..=10.0, "0 to 10")?;
+        check("diffusion", c.diffusion, 0.01..=100.0, "0.01 to 100")?;
+        check("diffusion_ratio", c.diffusion_ratio, 0.05..=1.0, "0.05 to 1")?;
+        check("mirror_share", c.mirror_share, 0.0..=1.0, "0 to 1")?;
+        check("ground_share", c.ground_share, 0.0..=1.0, "0 to 1")?;
+        Ok(Self(config))
+    }
+}
+
+impl std::ops::Deref for TrackParams {
+    type Target = TrackConfig;
+    fn deref(&self) -> &TrackConfig {
+        &self.0
+    }
+}
+
+fn check(
+    field: &'static str,
+    value: f64,
+    range: std::ops::RangeInclusive<f64>,
+    expected: &'static str,
+) -> Result<(), BadSetting> {
+    if range.contains(&value) { Ok(()) } else { Err(BadSetting { field, value, expected }) }
+}
+
+/// How a run is carried out; never changes its answer.
+#[derive(Clone, Copy, Debug)]
+pub struct ExecConfig {
+    /// Worker threads.
+    pub threads: usize,
+}
+
+impl Default for ExecConfig {
+    fn default() -> Self {
+        Self { threads: std::thread::available_parallelism().map_or(1, usize::from) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn defaults_are_accepted() {
+        assert!(TrackParams::new(TrackConfig::default()).is_ok());
+    }
+
+    #[test]
+    fn nan_and_out_of_range_values_are_named() {
+        let bad = TrackConfig { stature_m: f64::NAN, ..TrackConfig::default() };
+        let error = TrackParams::new(bad).expect_err("NaN is outside every range");
+        assert_eq!(error.to_string(), "settings: `stature_m` is NaN, expected 1.2 to 2.3 metres");
+        let bad = TrackConfig { particles: 1, ..TrackConfig::default() };
+        let error = TrackParams::new(bad).expect_err("one particle is no cloud");
+        assert_eq!(error.to_string(), "settings: `particles` is 1, expected 2 to 100000");
+    }
+}

@@ -1,0 +1,60 @@
+//! p(mask|state): the silhouette of the posed body against the mask, and a weak prior on the pose.
+
+use body::Pose;
+use pf_core::Likelihood;
+use render_gpu::ScoreError;
+use silhouette::Mask;
+
+use super::overlap::BodyOverlap;
+use super::state::{BodySpace, BodyState};
+
+/// What the tracker sees on a frame.
+#[derive(Debug)]
+pub struct Observation {
+    /// The person, of the size of the working camera's image.
+    pub mask: Mask,
+}
+
+/// ln p(r|x) = -sharpness (1 - IoU) + prior_weight ln p(pose).
+///
+/// Intersection over union punishes the body outside the mask and the mask left unexplained alike, so that neither a
+/// body that walks into the camera nor one that shrinks away gains anything.
+pub struct SilhouetteLikelihood {
+    space: BodySpace,
+    /// Counts overlaps; [`BodyOverlap::set_mask`] comes before the frame is worked on.
+    pub overlap: BodyOverlap,
+    sharpness: f64,
+    prior_weight: f64,
+    poses: Vec<Pose>,
+}
+
+impl SilhouetteLikelihood {
+    /// The likelihood of masks under the bodies of `overlap`.
+    pub fn new(space: BodySpace, overlap: BodyOverlap, sharpness: f64, prior_weight: f64) -> Self {
+        Self { space, overlap, sharpness, prior_weight, poses: Vec::new() }
+    }
+}
+
+impl Likelihood<BodyState> for SilhouetteLikelihood {
+    type Frame = Observation;
+    type Error = ScoreError;
+
+    fn log_likelihoods(
+        &mut self,
+        _frame: &Observation,
+        states: &[BodyState],
+        out: &mut [f64],
+    ) -> Result<(), ScoreError> {
+        let model = self.space.model();
+        self.poses.resize_with(states.len(), Pose::default);
+        for (pose, state) in self.poses.iter_mut().zip(states) {
+            self.space.pose_into(state, pose);
+        }
+        let counts = self.overlap.counts(&self.poses)?;
+        for ((log_likelihood, counts), state) in out.iter_mut().zip(counts).zip(states) {
+            let log_prior = model.log_prior(&state.latent[..model.dim()]);
+            *log_likelihood = -self.sharpness * (1.0 - counts.iou()) + self.prior_weight * log_prior;
+        }
+        Ok(())
+    }
+}
