@@ -37,6 +37,8 @@ mod cpu;
 mod exact;
 mod project;
 mod raster;
+#[cfg(any(test, feature = "conformance"))]
+mod reference;
 mod rows;
 mod scorer;
 mod topology;
@@ -45,6 +47,8 @@ pub use camera::{CameraError, Intrinsics, MAX_IMAGE_SIDE};
 pub use cpu::CpuScorer;
 pub use project::NEAR_M;
 pub use raster::{RasterizeError, Silhouette, rasterize};
+#[cfg(any(test, feature = "conformance"))]
+pub use reference::ReferenceScorer;
 pub use rows::{BadRowStep, RowStep};
 pub use scorer::{MaskView, MeshBatch, OverlapCounts, ScoreError, SilhouetteScorer, TargetError};
 pub use topology::TopologyError;

@@ -52,6 +52,8 @@ pub(crate) struct ScanLines {
     pub first_y: i32,
     /// log2 of the distance between two lines.
     pub pitch_log2: u32,
+    first_row: usize,
+    row_step: usize,
 }
 
 impl ScanLines {
@@ -61,6 +63,8 @@ impl ScanLines {
             n: step.rows(height).len(),
             first_y: SUBPIXELS * (step.get() as i32 / 2 - origin_row) + SUBPIXELS / 2,
             pitch_log2: SUBPIXELS.ilog2() + step.log2,
+            first_row: step.get() as usize / 2,
+            row_step: step.get() as usize,
         }
     }
 
@@ -70,6 +74,12 @@ impl ScanLines {
     pub fn at_or_below(&self, y: i32) -> usize {
         let line = (y - self.first_y + (1 << self.pitch_log2) - 1) >> self.pitch_log2;
         line.clamp(0, self.n as i32) as usize
+    }
+
+    /// The image row of a line.
+    #[inline]
+    pub fn row(&self, line: usize) -> usize {
+        self.first_row + line * self.row_step
     }
 
     /// Snapped y of a line.

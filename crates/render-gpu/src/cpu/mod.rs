@@ -1,22 +1,41 @@
 //! The scorer that runs on the processor: exact, in eight lanes.
+//!
+//! The silhouette of a closed mesh is where its front triangles are. Their boundary, the outline, has far fewer edges
+//! than the mesh: its signed crossings with each line of pixels, sorted, say by a winding number where the silhouette
+//! begins and ends, and a running count over the mask says how much of the mask lies between.
 
+mod crossings;
+mod outline;
+mod sweep;
 mod target;
 
+use std::sync::Mutex;
+
+use rayon::iter::{IndexedParallelIterator, IntoParallelRefMutIterator, ParallelIterator};
+
 use crate::camera::Intrinsics;
+use crate::clip::NotFinite;
 use crate::exact::SpanFiller;
 use crate::project::Projector;
 use crate::rows::{RowStep, ScanLines};
 use crate::scorer::{MaskView, MeshBatch, OverlapCounts, ScoreError, SilhouetteScorer, TargetError};
 use crate::topology::Topology;
+use crossings::{Crossings, TooManyCrossings};
+use outline::{Bounds, LANES, Outlines};
+use sweep::Sweeper;
 use target::{Target, pixels_before};
 
 /// Counts overlaps on the processor.
+///
+/// It keeps its memory: after the first batch of a size it allocates no more. The edges of a mesh are worked out when
+/// a batch comes with other triangles than the last one.
 #[derive(Clone, Debug)]
 pub struct CpuScorer {
     target: Option<(Target, Projector)>,
     row_step: RowStep,
     topology: Topology,
-    filler: SpanFiller,
+    sweeper: Sweeper,
+    workers: Vec<Worker>,
 }
 
 impl Default for CpuScorer {
@@ -28,11 +47,22 @@ impl Default for CpuScorer {
 impl CpuScorer {
     /// A scorer that works on the calling thread.
     pub fn new() -> Self {
+        Self::with_threads(1)
+    }
+
+    /// A scorer that works on up to `threads` threads of the rayon pool it is called in; the counts do not depend on
+    /// it.
+    ///
+    /// # Panics
+    /// When `threads` is zero.
+    pub fn with_threads(threads: usize) -> Self {
+        assert!(threads > 0, "a scorer needs a thread");
         Self {
             target: None,
             row_step: RowStep::EVERY,
             topology: Topology::default(),
-            filler: SpanFiller::default(),
+            sweeper: Sweeper::new(),
+            workers: vec![Worker::default(); threads],
         }
     }
 }
@@ -40,11 +70,11 @@ impl CpuScorer {
 impl SilhouetteScorer for CpuScorer {
     fn set_target(&mut self, mask: &MaskView<'_>, camera: &Intrinsics) -> Result<(), TargetError> {
         camera.check()?;
-        let sizes = [[mask.width, mask.height], [camera.width, camera.height]];
-        if sizes[0] != sizes[1] {
+        let (size, expected) = ([mask.width, mask.height], [camera.width, camera.height]);
+        if size != expected {
             return Err(TargetError::Size {
-                mask: sizes[0],
-                camera: sizes[1],
+                mask: size,
+                camera: expected,
             });
         }
         let mut target = self.target.take().map(|(target, _)| target).unwrap_or_default();
@@ -71,36 +101,152 @@ impl SilhouetteScorer for CpuScorer {
         if !self.topology.is_of(batch.triangles, batch.vertices_per_mesh) {
             self.topology = Topology::new(batch.triangles, batch.vertices_per_mesh)?;
         }
-        let lines = ScanLines::new(target.height, self.row_step, projector.origin[1]);
-        let observed = target.observed(self.row_step);
-        let step = self.row_step.get() as usize;
-        let meshes = batch
-            .positions_camera
-            .chunks_exact(batch.vertices_per_mesh.max(1));
-        for (mesh, (positions, counts)) in meshes.zip(out).enumerate() {
-            *counts = OverlapCounts {
-                rendered: 0,
-                observed,
-                both: 0,
-            };
-            self.filler
-                .spans(
-                    projector,
-                    &lines,
-                    target.width,
-                    positions,
-                    batch.triangles,
-                    |span| {
-                        let row = target.row(span.line * step + step / 2);
-                        counts.rendered += span.end - span.start;
-                        counts.both += pixels_before(row, span.end) - pixels_before(row, span.start);
-                    },
-                )
-                .map_err(|bad| ScoreError::NotFinite {
-                    mesh,
-                    vertex: bad.vertex,
-                })?;
+        if n_meshes == 0 {
+            return Ok(());
         }
-        Ok(())
+        let scene = Scene {
+            target,
+            projector,
+            topology: &self.topology,
+            sweeper: &self.sweeper,
+            lines: ScanLines::new(target.height, self.row_step, projector.origin[1]),
+            observed: target.observed(self.row_step),
+        };
+        let groups = batch
+            .positions_camera
+            .chunks(LANES * batch.vertices_per_mesh)
+            .zip(out.chunks_mut(LANES));
+        for worker in &mut self.workers {
+            worker.bad = None;
+        }
+        match self.workers.as_mut_slice() {
+            [worker] => groups.enumerate().for_each(|(group, (positions, out))| {
+                worker.score_group(&scene, group, positions, out);
+            }),
+            workers => {
+                let queue = Mutex::new(groups.enumerate());
+                let next = || {
+                    queue
+                        .lock()
+                        .expect("no worker panics while it holds the queue")
+                        .next()
+                };
+                workers.par_iter_mut().with_max_len(1).for_each(|worker| {
+                    while let Some((group, (positions, out))) = next() {
+                        worker.score_group(&scene, group, positions, out);
+                    }
+                });
+            }
+        }
+        match self.workers.iter().filter_map(|worker| worker.bad).min() {
+            Some((mesh, vertex)) => Err(ScoreError::NotFinite { mesh, vertex }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// What all workers share while a batch is scored.
+struct Scene<'a> {
+    target: &'a Target,
+    projector: &'a Projector,
+    topology: &'a Topology,
+    sweeper: &'a Sweeper,
+    lines: ScanLines,
+    observed: u32,
+}
+
+/// The memory of one thread.
+#[derive(Clone, Debug, Default)]
+struct Worker {
+    outlines: Outlines,
+    crossings: Crossings,
+    filler: SpanFiller,
+    /// The first mesh, and its first vertex, that is not finite.
+    bad: Option<(usize, usize)>,
+}
+
+impl Worker {
+    /// Scores up to eight meshes, the `group`-th such group of the batch.
+    fn score_group(
+        &mut self,
+        scene: &Scene<'_>,
+        group: usize,
+        positions: &[[f32; 3]],
+        out: &mut [OverlapCounts],
+    ) {
+        self.crossings.set_lines(scene.lines.n);
+        self.outlines.set(scene.topology, scene.projector, positions);
+        for (mesh, (counts, positions)) in out
+            .iter_mut()
+            .zip(positions.chunks_exact(scene.topology.vertices_per_mesh))
+            .enumerate()
+        {
+            let counted = self
+                .outlines
+                .bounds(mesh)
+                .and_then(|bounds| self.count(scene, mesh, bounds).ok());
+            match counted.map_or_else(|| self.count_plainly(scene, positions), Ok) {
+                Ok([rendered, both]) => {
+                    *counts = OverlapCounts {
+                        rendered,
+                        observed: scene.observed,
+                        both,
+                    }
+                }
+                Err(NotFinite { vertex }) => {
+                    self.bad = self.bad.into_iter().chain([(group * LANES + mesh, vertex)]).min();
+                }
+            }
+        }
+    }
+
+    /// Pixels of the silhouette, and those of them in the mask, from the outline.
+    fn count(
+        &mut self,
+        scene: &Scene<'_>,
+        mesh: usize,
+        bounds: Bounds,
+    ) -> Result<[u32; 2], TooManyCrossings> {
+        let Scene {
+            target,
+            projector,
+            topology,
+            ref lines,
+            ..
+        } = *scene;
+        let (first, end) = (
+            lines.at_or_below(bounds.low[1]),
+            lines.at_or_below(bounds.high[1]),
+        );
+        self.crossings.clear(first, end);
+        for edge in self.outlines.edges(topology, mesh) {
+            self.crossings.add(edge, lines, projector.origin[0], target)?;
+        }
+        Ok(scene.sweeper.count(&self.crossings, first, end))
+    }
+
+    /// The same by filling every triangle: for meshes at the near plane, far out of view or with very many layers.
+    fn count_plainly(&mut self, scene: &Scene<'_>, positions: &[[f32; 3]]) -> Result<[u32; 2], NotFinite> {
+        let Scene {
+            target,
+            projector,
+            topology,
+            ref lines,
+            ..
+        } = *scene;
+        let mut counts = [0; 2];
+        self.filler.spans(
+            projector,
+            lines,
+            target.width,
+            positions,
+            &topology.triangles,
+            |span| {
+                let row = target.row(lines.row(span.line));
+                counts[0] += span.end - span.start;
+                counts[1] += pixels_before(row, span.end) - pixels_before(row, span.start);
+            },
+        )?;
+        Ok(counts)
     }
 }
