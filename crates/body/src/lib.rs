@@ -13,6 +13,7 @@
 
 pub mod camera;
 mod camera_lens;
+pub mod ik;
 pub mod io;
 pub mod pose;
 pub mod skeleton;
