@@ -1,5 +1,6 @@
 //! Readers and writers of files: cameras, meshes, motion capture. Everything is metres once loaded, unless said.
 
+pub mod bodies;
 pub mod cameras;
 mod fields;
 

@@ -7,19 +7,27 @@
 //! At rest (the A-pose: arms about 45 degrees down) every joint frame is aligned with the body frame and all angles are 0.
 //! `f64` for poses, `f32` for vertices.
 //! # Map
-//! [`skeleton`] joints, degrees of freedom, limits · [`pose`] angles and forward kinematics
+//! [`skeleton`] joints, degrees of freedom, limits · [`pose`] angles and forward kinematics · [`model`] template and shape
+//! space, bodies · [`skin`] posed vertices · [`camera`] · [`ik`] · [`io`] files · [`mesh`] nearest points, crossings ·
+//! [`build`] makes the model from a population, [`asset`] its file
 //! # References
 //! The keys in brackets, such as `[NorkinWhite2016]`, are listed in `docs/papers.md`.
 
+pub mod asset;
+pub mod build;
 pub mod camera;
 mod camera_lens;
 pub mod ik;
 pub mod io;
+pub mod mesh;
+pub mod model;
 pub mod pose;
 pub mod skeleton;
+pub mod skin;
 #[cfg(test)]
 mod test_data;
 
 pub use camera::{Camera, Intrinsics};
+pub use model::{Body, BodyModel, Sex};
 pub use pose::{JointTransforms, Pose, RestJoints};
 pub use skeleton::{Dof, Joint, JointId, N_DOF, N_JOINTS, Skeleton};
