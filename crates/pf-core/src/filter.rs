@@ -1,6 +1,7 @@
 //! The loop: propose, then layer after layer weigh, resample, move.
 
 mod error;
+mod moves;
 mod state;
 mod step;
 mod work;

@@ -1,11 +1,10 @@
 //! One frame.
 
+use std::convert::Infallible;
 use std::error::Error;
 
-use super::work::scaled;
 use super::{Filter, Lost, Mode, Step, StepError};
 use crate::likelihood::Likelihood;
-use crate::mutation::LayerStep;
 use crate::observe::{FrameView, LayerView, Observer};
 use crate::proposal::Proposal;
 use crate::rng::{Purpose, particle_rng};
@@ -64,21 +63,20 @@ impl<S: StateSpace, P: Proposal<S>> Filter<S, P> {
         Ok(Step::Tracked(view))
     }
 
-    /// Moves the particles by the proposal without looking at a likelihood: a frame that shows nothing. Particles of a
-    /// weighted proposal keep its corrections as weights.
+    /// Moves the particles by the proposal without asking a likelihood, for a frame that shows nothing: the view has no
+    /// layers, and its weights are the old ones times the proposal's corrections.
     ///
     /// # Errors
-    /// When the filter has no particles, or the proposal returns NaN or +∞.
-    pub fn predict(&mut self, frame: &P::Frame) -> Result<(), StepError<std::convert::Infallible>> {
+    /// When the filter has no particles, or the proposal returns NaN or +∞. The filter is then as it was.
+    pub fn predict(&mut self, frame: &P::Frame) -> Result<Step<'_, S::State>, StepError<Infallible>> {
         self.propose(frame)?;
+        self.work.layers.clear();
         self.work.log_likelihoods.as_mut_slice().fill(0.0);
-        if self.work.weigh(0.0).is_some() {
-            self.work.layers.clear();
-            self.finish();
-        } else {
-            self.frame += 1;
+        if self.work.weigh(0.0).is_none() {
+            return Ok(Step::Lost(self.lose(0)));
         }
-        Ok(())
+        self.finish();
+        Ok(Step::Tracked(self.frame_view()))
     }
 
     /// Draws the particles of layer 0.
@@ -212,123 +210,14 @@ impl<S: StateSpace, P: Proposal<S>> Filter<S, P> {
         self.work.replace_by_parents(&self.exec);
     }
 
-    fn layer_step(&self, layer: u32) -> LayerStep {
-        LayerStep {
+    /// Gives the frame up.
+    fn lose(&mut self, layer: u32) -> Lost {
+        let lost = Lost {
+            frame: self.frame,
             layer,
-            layers: self.schedule.layers(),
-            diffusion_scale: self.schedule.diffusion_scale(layer),
-        }
-    }
-
-    /// Lets each particle drift.
-    fn diffuse(&mut self, layer: u32, frame: &P::Frame) {
-        let step = self.layer_step(layer);
-        let at = self.draw(layer, Purpose::Mutate);
-        let Self {
-            space,
-            mutation,
-            work,
-            exec,
-            ..
-        } = self;
-        mutation.prepare(space, &work.states, &step);
-        let (space, mutation) = (&*space, &*mutation);
-        exec.for_each(&mut work.states, |i, state| {
-            mutation.mutate(space, frame, &step, state, &mut particle_rng(at, i as u32));
-        });
-    }
-
-    /// Moves each particle under Metropolis-Hastings kernels of the target p(x|x′) likelihood^β. Returns the share of
-    /// moves that were accepted.
-    fn move_within_target<L>(
-        &mut self,
-        layer: u32,
-        beta: Beta,
-        frame: &P::Frame,
-        likelihood: &mut L,
-    ) -> Result<f64, StepError<L::Error>>
-    where
-        L: Likelihood<S::State, Frame = P::Frame>,
-    {
-        let step = self.layer_step(layer);
-        let n_moves = self.params.config().moves_per_layer;
-        self.mutation.prepare(&self.space, &self.work.states, &step);
-        let mut n_accepted = 0;
-        for k in 0..n_moves {
-            let address = layer * n_moves + k;
-            self.draw_moves(&step, address, frame);
-            let Self {
-                work, frame: number, ..
-            } = self;
-            ask(
-                *number,
-                layer,
-                likelihood,
-                frame,
-                &work.next_states,
-                &mut work.next_log_likelihoods,
-            )?;
-            if let Some((particle, _)) = first_bad(&work.log_motion_ratios) {
-                return Err(StepError::NoMotionDensity {
-                    frame: *number,
-                    layer,
-                    particle,
-                });
-            }
-            n_accepted += self.accept_moves(address, beta);
-        }
-        Ok(n_accepted as f64 / (n_moves as usize * self.work.states.len()) as f64)
-    }
-
-    /// Fills `next_states` with moved copies of the particles, and the ratios of their motion densities.
-    fn draw_moves(&mut self, step: &LayerStep, address: u32, frame: &P::Frame) {
-        let at = self.draw(address, Purpose::Mutate);
-        let Self {
-            space,
-            proposal,
-            mutation,
-            work,
-            exec,
-            particles,
-            ..
-        } = self;
-        let (space, proposal, mutation, particles) = (&*space, &*proposal, &*mutation, &*particles);
-        let (states, ancestors) = (&*work.states, &*work.ancestors);
-        exec.for_each(&mut work.next_states, |i, moved| {
-            moved.clone_from(&states[i]);
-            mutation.mutate(space, frame, step, moved, &mut particle_rng(at, i as u32));
-        });
-        let next_states = &*work.next_states;
-        work.log_motion_ratios.resize(states.len(), 0.0);
-        exec.for_each(&mut work.log_motion_ratios, |i, ratio| {
-            let previous = &particles[ancestors[i] as usize];
-            let log_density = |state| {
-                proposal
-                    .log_motion_density(space, previous, state)
-                    .unwrap_or(f64::NAN)
-            };
-            *ratio = log_density(&next_states[i]) - log_density(&states[i]);
-        });
-    }
-
-    /// Puts accepted moves in the place of what they moved; returns their number.
-    fn accept_moves(&mut self, address: u32, beta: Beta) -> usize {
-        let at = self.draw(address, Purpose::Accept);
-        let work = &mut self.work;
-        let now = work.states.iter_mut().zip(work.log_likelihoods.as_mut_slice());
-        let moved = work.next_states.iter_mut().zip(&work.next_log_likelihoods);
-        let mut n_accepted = 0;
-        for (i, ((state, log_likelihood), (moved, log_likelihood_moved))) in now.zip(moved).enumerate() {
-            let log_target_ratio = scaled(beta.get(), *log_likelihood_moved)
-                - scaled(beta.get(), *log_likelihood)
-                + work.log_motion_ratios[i];
-            if particle_rng(at, i as u32).uniform().ln() < log_target_ratio {
-                std::mem::swap(state, moved);
-                *log_likelihood = *log_likelihood_moved;
-                n_accepted += 1;
-            }
-        }
-        n_accepted
+        };
+        self.frame += 1;
+        lost
     }
 
     /// Makes the particles of the last layer the posterior.
@@ -373,7 +262,7 @@ impl<S: StateSpace, P: Proposal<S>> Filter<S, P> {
 }
 
 /// Asks `likelihood` about `states` and looks at its answers.
-fn ask<T, L: Likelihood<T>>(
+pub(super) fn ask<T, L: Likelihood<T>>(
     number: u64,
     layer: u32,
     likelihood: &mut L,
@@ -400,7 +289,7 @@ fn ask<T, L: Likelihood<T>>(
 }
 
 /// The first log weight that is NaN or +∞.
-fn first_bad(log_weights: &[f64]) -> Option<(usize, f64)> {
+pub(super) fn first_bad(log_weights: &[f64]) -> Option<(usize, f64)> {
     log_weights
         .iter()
         .copied()

@@ -66,20 +66,21 @@ impl<T: Clone + Send + Sync> Work<T> {
     /// Weighs the layer by prior weight times likelihood^`exponent`. Returns ln of the sum of the weights, or `None`
     /// when every weight is zero.
     pub fn weigh(&mut self, exponent: f64) -> Option<f64> {
-        let terms = self.log_prior_weights.iter().zip(self.log_likelihoods.as_slice());
-        for (log_weight, (prior, log_likelihood)) in self.log_weights.as_mut_slice().iter_mut().zip(terms) {
-            *log_weight = prior + scaled(exponent, *log_likelihood);
-        }
+        self.set_log_weights(exponent);
         self.log_weights.normalize_into(&mut self.weights)
     }
 
-    /// ln Σ prior weight times likelihood^`exponent`.
+    /// ln Σ prior weight times likelihood^`exponent`, the weights being left alone.
     pub fn log_sum(&mut self, exponent: f64) -> f64 {
+        self.set_log_weights(exponent);
+        self.log_weights.log_sum_exp()
+    }
+
+    fn set_log_weights(&mut self, exponent: f64) {
         let terms = self.log_prior_weights.iter().zip(self.log_likelihoods.as_slice());
         for (log_weight, (prior, log_likelihood)) in self.log_weights.as_mut_slice().iter_mut().zip(terms) {
             *log_weight = prior + scaled(exponent, *log_likelihood);
         }
-        self.log_weights.log_sum_exp()
     }
 
     /// Makes the particles that `parents` names the particles of the next layer, equally weighted.

@@ -1,0 +1,66 @@
+//! The growth model of `[Gordon1993]` under a bootstrap filter: root mean square error and particle-steps a second.
+//!
+//! ```text
+//! cargo run --release -p pf-core --example growth -- [OBSERVATIONS.npy STATES.npy]
+//! ```
+//! Without files it makes 1,000 steps itself. Systematic resampling at every step, the weighted mean as estimate, one
+//! thread; the time is the least of several runs, and a run with many particles stops early.
+
+#![allow(clippy::print_stdout, reason = "a program that reports")]
+
+mod model;
+
+use std::error::Error;
+use std::num::NonZeroUsize;
+use std::time::Instant as Clock;
+
+use pf_core::{ExecConfig, Step};
+
+const RUNS: u64 = 5;
+/// A run stops after this many.
+const PARTICLE_STEPS: usize = 4_000_000;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let (states, observations) = match &arguments[..] {
+        [observations, states] => (read_npy(states)?, read_npy(observations)?),
+        _ => model::simulate(1000, 1),
+    };
+    let instants = model::instants(&observations);
+    println!(
+        "{:>12} {:>8} {:>8} {:>24}",
+        "particles", "steps", "rmse", "particle-steps/s"
+    );
+    for n_particles in [1_000, 100_000] {
+        let n_steps = instants.len().min(PARTICLE_STEPS / n_particles);
+        let mut fastest = f64::INFINITY;
+        let mut rmse = 0.0;
+        for seed in 0..RUNS {
+            let exec = ExecConfig::with_threads(NonZeroUsize::MIN);
+            let mut filter = model::filter(n_particles, seed).with_exec(exec)?;
+            let mut squares = 0.0;
+            let start = Clock::now();
+            for (instant, truth) in instants[..n_steps].iter().zip(&states) {
+                let Step::Tracked(posterior) = filter.step(instant, &mut model::Squared, &mut ())? else {
+                    return Err("lost: no particle explains the observation".into());
+                };
+                let weighted = posterior.weights.as_slice().iter().zip(posterior.states);
+                let mean: f64 = weighted.map(|(w, [x])| w * x).sum();
+                squares += (mean - truth).powi(2);
+            }
+            fastest = fastest.min(start.elapsed().as_secs_f64());
+            rmse += (squares / n_steps as f64).sqrt() / RUNS as f64;
+        }
+        let rate = (n_particles * n_steps) as f64 / fastest;
+        println!(
+            "{n_particles:>12} {n_steps:>8} {rmse:>8.3} {:>22.1} M",
+            rate / 1e6
+        );
+    }
+    Ok(())
+}
+
+fn read_npy(path: &str) -> Result<Vec<f64>, Box<dyn Error>> {
+    let file = std::fs::File::open(path).map_err(|error| format!("{path}: {error}"))?;
+    Ok(npyz::NpyFile::new(std::io::BufReader::new(file))?.into_vec()?)
+}
