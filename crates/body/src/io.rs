@@ -3,5 +3,6 @@
 pub mod bodies;
 pub mod cameras;
 mod fields;
+pub mod mocap;
 
 pub use cameras::{CameraFile, LoadCameraError, load_camera};

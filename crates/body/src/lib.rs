@@ -8,7 +8,7 @@
 //! `f64` for poses, `f32` for vertices.
 //! # Map
 //! [`skeleton`] joints, degrees of freedom, limits · [`pose`] angles and forward kinematics · [`model`] template and shape
-//! space, bodies · [`skin`] posed vertices · [`camera`] · [`ik`] · [`io`] files · [`mesh`] nearest points, crossings ·
+//! space, bodies · [`skin`] posed vertices · [`camera`] · [`ik`] · [`mocap`] recorded motion · [`io`] files · [`mesh`] nearest points, crossings ·
 //! [`build`] makes the model from a population, [`asset`] its file
 //! # References
 //! The keys in brackets, such as `[NorkinWhite2016]`, are listed in `docs/papers.md`.
@@ -20,6 +20,7 @@ mod camera_lens;
 pub mod ik;
 pub mod io;
 pub mod mesh;
+pub mod mocap;
 pub mod model;
 pub mod pose;
 pub mod skeleton;
