@@ -1,15 +1,13 @@
-//! MP4 files with H.264, decoded by the bundled OpenH264.
+//! MP4 files with H.264, decoded in memory-safe Rust.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
 use std::io::{BufReader, Read as _, Seek as _, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-use anyhow::{Context as _, anyhow, bail, ensure};
-use openh264::OpenH264API;
-use openh264::decoder::{DecodedYUV, Decoder, DecoderConfig, Flush};
-use openh264::formats::YUVSource as _;
+use anyhow::{Context as _, anyhow, ensure};
+use rusty_h264_decoder::Decoder;
 
 use super::h264::{self, SequenceHeader};
 use super::yuv::{Planes, rgb_from_yuv420};
@@ -21,19 +19,28 @@ use super::{FrameSource, RgbFrame, SourceInfo};
 pub(super) struct Mp4Video {
     info: SourceInfo,
     file: BufReader<File>,
+    /// Coded pictures still to be read, in decoding order.
     samples: VecDeque<re_mp4::Sample>,
-    length_size: usize,
+    /// The same pictures in the order in which they are shown.
+    to_show: VecDeque<ShowTime>,
+    /// Decoded pictures that wait for one shown earlier.
+    waiting: BTreeMap<ShowTime, RgbFrame>,
     decoder: Decoder,
     header: SequenceHeader,
     rotation: Rotation,
-    /// Parameter sets that still have to go before the next sample, in the byte stream format.
+    /// Bytes of the length before each unit of a sample.
+    length_size: usize,
+    /// What the decoder gets next, in the byte stream format; at first the parameter sets.
     stream: Vec<u8>,
-    encoded: Vec<u8>,
+    sample_bytes: Vec<u8>,
     unrotated: RgbFrame,
-    /// Pictures that the decoder still held when the samples ended.
-    tail: Option<VecDeque<RgbFrame>>,
+    /// Freed picture buffers.
+    spares: Vec<RgbFrame>,
     frames_given: u64,
 }
+
+/// When a picture is shown: composition time in ticks, then its place in the file.
+type ShowTime = (i64, u32);
 
 /// An MP4 file that could be parsed.
 pub(super) enum Opened {
@@ -52,15 +59,9 @@ impl Mp4Video {
         let mp4 = read_index(&mut file).with_context(|| {
             format!("{name}: cannot read the MP4 index, expected a complete file (it may be cut off)")
         })?;
-        let video = mp4
-            .tracks()
-            .values()
-            .find(|track| track.kind == Some(re_mp4::TrackKind::Video));
+        let video = mp4.tracks().values().find(|track| track.kind == Some(re_mp4::TrackKind::Video));
         let track = video.with_context(|| format!("{name}: has no video track that can be read"))?;
-        ensure!(
-            !track.samples.is_empty(),
-            "{name}: has 0 frames, expected at least 1"
-        );
+        ensure!(!track.samples.is_empty(), "{name}: has 0 frames, expected at least 1");
 
         let trak = track.trak(&mp4);
         let re_mp4::StsdBoxContent::Avc1(avc1) = &trak.mdia.minf.stbl.stsd.contents else {
@@ -68,21 +69,14 @@ impl Mp4Video {
             return Ok(Opened::Unsupported(format!("its codec is {codec}, not H.264")));
         };
         let avcc = &avc1.avcc.contents;
-        let mut stream = Vec::new();
-        for nal in avcc
-            .sequence_parameter_sets
-            .iter()
-            .chain(&avcc.picture_parameter_sets)
-        {
-            h264::push_nal(&mut stream, &nal.bytes);
-        }
-        let header = avcc
-            .sequence_parameter_sets
-            .first()
-            .and_then(|nal| SequenceHeader::parse(&nal.bytes));
+        let header = avcc.sequence_parameter_sets.first().and_then(|nal| SequenceHeader::parse(&nal.bytes));
         let header = header.with_context(|| format!("{name}: cannot read the H.264 sequence header"))?;
         if let Some(reason) = header.unsupported() {
             return Ok(Opened::Unsupported(reason));
+        }
+        let mut stream = Vec::new();
+        for nal in avcc.sequence_parameter_sets.iter().chain(&avcc.picture_parameter_sets) {
+            h264::push_nal(&mut stream, &nal.bytes);
         }
 
         let rotation = Rotation::from_track(&trak.tkhd);
@@ -94,79 +88,63 @@ impl Mp4Video {
             fps: mean_rate(track),
             n_frames: Some(track.samples.len() as u64),
         };
-        // Pictures come out in presentation order; asking for each at once would undo the reordering of B pictures.
-        let config = DecoderConfig::new().flush_after_decode(Flush::NoFlush);
-        let decoder = Decoder::with_api_config(OpenH264API::from_source(), config)
-            .with_context(|| format!("{name}: cannot start the H.264 decoder"))?;
+        let mut to_show: Vec<ShowTime> = track.samples.iter().map(show_time).collect();
+        to_show.sort_unstable();
         Ok(Opened::Video(Box::new(Self {
             info,
             file,
             samples: track.samples.iter().copied().collect(),
-            length_size: usize::from(avcc.length_size_minus_one) + 1,
-            decoder,
+            to_show: to_show.into(),
+            waiting: BTreeMap::new(),
+            decoder: Decoder::new(),
             header,
             rotation,
+            length_size: usize::from(avcc.length_size_minus_one) + 1,
             stream,
-            encoded: Vec::new(),
+            sample_bytes: Vec::new(),
             unrotated: RgbFrame::default(),
-            tail: None,
+            spares: Vec::new(),
             frames_given: 0,
         })))
     }
 
-    /// Decodes samples until a picture comes out; `false` when the decoder has no more.
-    fn decode_next(&mut self, frame: &mut RgbFrame) -> anyhow::Result<bool> {
-        while let Some(sample) = self.samples.pop_front() {
-            let length = self.file.get_ref().metadata()?.len();
-            let end = sample.offset.saturating_add(sample.size);
-            ensure!(
-                end <= length,
-                "the file ends at byte {length}, expected {end} or more: it is cut off"
-            );
-            self.encoded.resize(usize::try_from(sample.size)?, 0);
-            self.file.seek(SeekFrom::Start(sample.offset))?;
-            self.file
-                .read_exact(&mut self.encoded)
-                .context("cannot read the file")?;
-            if !h264::push_sample(&mut self.stream, &self.encoded, self.length_size) {
-                bail!(
-                    "sample {} is damaged: a unit in it is longer than the sample",
-                    sample.id
-                );
-            }
-            let picture = self.decoder.decode(&self.stream);
-            self.stream.clear();
-            let picture =
-                picture.map_err(|error| anyhow!("sample {} cannot be decoded: {error}", sample.id))?;
-            if let Some(picture) = picture {
-                convert(&picture, &self.header, self.rotation, &mut self.unrotated, frame)?;
-                return Ok(true);
-            }
+    /// Decodes one sample, which holds one picture, into `frame`.
+    fn decode(&mut self, sample: &re_mp4::Sample, frame: &mut RgbFrame) -> anyhow::Result<()> {
+        let length = self.file.get_ref().metadata()?.len();
+        let end = sample.offset.saturating_add(sample.size);
+        ensure!(end <= length, "the file ends at byte {length}, expected {end} or more: it is cut off");
+        self.sample_bytes.resize(usize::try_from(sample.size)?, 0);
+        self.file.seek(SeekFrom::Start(sample.offset))?;
+        self.file.read_exact(&mut self.sample_bytes).context("cannot read the file")?;
+        let whole = h264::push_sample(&mut self.stream, &self.sample_bytes, self.length_size);
+        ensure!(whole, "sample {} is damaged: a unit in it is longer than the sample", sample.id);
+        let picture = self.decoder.decode(&self.stream);
+        self.stream.clear();
+        let picture = picture.with_context(|| format!("sample {} cannot be decoded", sample.id))?;
+        let picture = picture.with_context(|| format!("sample {} holds no picture", sample.id))?;
+        ensure!(
+            (picture.width, picture.height) == (self.header.width as usize, self.header.height as usize),
+            "is {}x{}, expected {}x{} as in the header",
+            picture.width,
+            picture.height,
+            self.header.width,
+            self.header.height,
+        );
+        let planes = Planes {
+            width: picture.width,
+            height: picture.height,
+            luma: &picture.y,
+            chroma: [&picture.u, &picture.v],
+            luma_stride: picture.width,
+            chroma_stride: picture.width / 2,
+        };
+        if self.rotation == Rotation::None {
+            rgb_from_yuv420(&planes, self.header.colour, frame);
+        } else {
+            rgb_from_yuv420(&planes, self.header.colour, &mut self.unrotated);
+            self.rotation.turn(&self.unrotated, frame);
         }
-        if self.tail.is_none() {
-            let rest = self
-                .decoder
-                .flush_remaining()
-                .map_err(|error| anyhow!("cannot be decoded: {error}"))?;
-            let mut tail = VecDeque::with_capacity(rest.len());
-            for picture in &rest {
-                let mut frame = RgbFrame::default();
-                convert(
-                    picture,
-                    &self.header,
-                    self.rotation,
-                    &mut self.unrotated,
-                    &mut frame,
-                )?;
-                tail.push_back(frame);
-            }
-            self.tail = Some(tail);
-        }
-        let last = self.tail.as_mut().and_then(VecDeque::pop_front);
-        last.map_or(Ok(false), |last| {
-            *frame = last;
-            Ok(true)
-        })
+        Ok(())
     }
 }
 
@@ -176,12 +154,30 @@ impl FrameSource for Mp4Video {
     }
 
     fn next_frame(&mut self, frame: &mut RgbFrame) -> anyhow::Result<bool> {
-        let at = || format!("{}: frame {}", self.info.path.display(), self.frames_given);
-        let at = at();
-        let more = self.decode_next(frame).context(at)?;
-        self.frames_given += u64::from(more);
-        Ok(more)
+        let Some(&shown_next) = self.to_show.front() else { return Ok(false) };
+        loop {
+            if let Some(next) = self.waiting.remove(&shown_next) {
+                self.spares.push(std::mem::replace(frame, next));
+                self.to_show.pop_front();
+                self.frames_given += 1;
+                return Ok(true);
+            }
+            let sample = self.samples.pop_front().expect("a picture to show is still to be read or waits");
+            let mut picture = self.spares.pop().unwrap_or_default();
+            let at = format!("{}: frame {}", self.info.path.display(), self.frames_given);
+            if let Err(error) = self.decode(&sample, &mut picture) {
+                // Later pictures build on this one.
+                self.samples.clear();
+                self.to_show.clear();
+                return Err(error.context(at));
+            }
+            self.waiting.insert(show_time(&sample), picture);
+        }
     }
+}
+
+fn show_time(sample: &re_mp4::Sample) -> ShowTime {
+    (sample.composition_timestamp, sample.id)
 }
 
 /// Reads the boxes up to the first that reaches past the end of the file, so that a file whose index stands before
@@ -217,38 +213,6 @@ fn mean_rate(track: &re_mp4::Track) -> Option<f64> {
     };
     let intervals = (track.samples.len() - 1).max(1) as f64;
     (ticks > 0 && track.timescale > 0).then(|| intervals * track.timescale as f64 / ticks as f64)
-}
-
-fn convert(
-    picture: &DecodedYUV<'_>,
-    header: &SequenceHeader,
-    rotation: Rotation,
-    unrotated: &mut RgbFrame,
-    frame: &mut RgbFrame,
-) -> anyhow::Result<()> {
-    let (width, height) = picture.dimensions();
-    ensure!(
-        (width, height) == (header.width as usize, header.height as usize),
-        "is {width}x{height}, expected {}x{} as in the header",
-        header.width,
-        header.height,
-    );
-    let (luma_stride, chroma_stride, _) = picture.strides();
-    let planes = Planes {
-        width,
-        height,
-        luma: picture.y(),
-        chroma: [picture.u(), picture.v()],
-        luma_stride,
-        chroma_stride,
-    };
-    if rotation == Rotation::None {
-        rgb_from_yuv420(&planes, header.colour, frame);
-    } else {
-        rgb_from_yuv420(&planes, header.colour, unrotated);
-        rotation.turn(unrotated, frame);
-    }
-    Ok(())
 }
 
 /// How far a picture is turned clockwise for display.
