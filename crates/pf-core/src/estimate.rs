@@ -24,13 +24,7 @@ const TOLERANCE: f64 = 1e-12;
 /// ```
 pub fn weighted_mean<S: StateSpace>(space: &S, states: &[S::State], weights: &NormalizedWeights) -> S::State {
     let weights = weights.as_slice();
-    assert_eq!(
-        states.len(),
-        weights.len(),
-        "{} states but {} weights",
-        states.len(),
-        weights.len()
-    );
+    assert_eq!(states.len(), weights.len(), "{} states but {} weights", states.len(), weights.len());
     let heaviest = (0..weights.len()).fold(0, |best, i| if weights[i] > weights[best] { i } else { best });
     mean_of(space, states, |i| weights[i], &states[heaviest])
 }
@@ -47,13 +41,7 @@ pub fn weighted_covariance<S: StateSpace>(
     covariance: &mut [f64],
 ) {
     let weights = weights.as_slice();
-    assert_eq!(
-        states.len(),
-        weights.len(),
-        "{} states but {} weights",
-        states.len(),
-        weights.len()
-    );
+    assert_eq!(states.len(), weights.len(), "{} states but {} weights", states.len(), weights.len());
     covariance_about(space, mean, states, |i| weights[i], covariance);
 }
 
@@ -92,12 +80,7 @@ pub(crate) fn covariance_about<S: StateSpace>(
     covariance: &mut [f64],
 ) {
     let dim = space.dim();
-    assert_eq!(
-        covariance.len(),
-        dim * dim,
-        "a covariance of {dim} coordinates has {} entries",
-        dim * dim
-    );
+    assert_eq!(covariance.len(), dim * dim, "a covariance of {dim} coordinates has {} entries", dim * dim);
     covariance.fill(0.0);
     with_buffer(dim, |delta| {
         for (i, state) in states.iter().enumerate() {

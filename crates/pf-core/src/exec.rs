@@ -15,20 +15,14 @@ pub struct ExecConfig {
 
 impl Default for ExecConfig {
     fn default() -> Self {
-        Self {
-            threads: None,
-            chunk: NonZeroUsize::new(64).expect("64 is not zero"),
-        }
+        Self { threads: None, chunk: NonZeroUsize::new(64).expect("64 is not zero") }
     }
 }
 
 impl ExecConfig {
     /// `threads` threads, the rest as by default.
     pub fn with_threads(threads: NonZeroUsize) -> Self {
-        Self {
-            threads: Some(threads),
-            ..Self::default()
-        }
+        Self { threads: Some(threads), ..Self::default() }
     }
 }
 
@@ -64,18 +58,12 @@ impl Exec {
             ),
             None => Pool::Global,
         };
-        Ok(Self {
-            pool,
-            chunk: config.chunk.get(),
-        })
+        Ok(Self { pool, chunk: config.chunk.get() })
     }
 
     /// The pool-less executor.
     pub(crate) fn global() -> Self {
-        Self {
-            pool: Pool::Global,
-            chunk: ExecConfig::default().chunk.get(),
-        }
+        Self { pool: Pool::Global, chunk: ExecConfig::default().chunk.get() }
     }
 
     /// Calls `work(i, &mut a[i])` for each `i`.
@@ -89,11 +77,7 @@ impl Exec {
         self.run(
             a,
             |a| serial(0, a),
-            |a| {
-                a.par_chunks_mut(chunk)
-                    .enumerate()
-                    .for_each(|(k, a)| serial(k * chunk, a))
-            },
+            |a| a.par_chunks_mut(chunk).enumerate().for_each(|(k, a)| serial(k * chunk, a)),
         );
     }
 
@@ -113,11 +97,7 @@ impl Exec {
             (a, b, c),
             |(a, b, c)| serial(0, a, b, c),
             |(a, b, c)| {
-                (
-                    a.par_chunks_mut(chunk),
-                    b.par_chunks_mut(chunk),
-                    c.par_chunks_mut(chunk),
-                )
+                (a.par_chunks_mut(chunk), b.par_chunks_mut(chunk), c.par_chunks_mut(chunk))
                     .into_par_iter()
                     .enumerate()
                     .for_each(|(k, (a, b, c))| serial(k * chunk, a, b, c));

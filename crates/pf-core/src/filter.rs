@@ -98,14 +98,7 @@ impl<S: StateSpace, P: Proposal<S>> Filter<S, P> {
     /// One layer that takes the likelihood as it is: the bootstrap filter `[Gordon1993]` where the proposal is the
     /// motion prior, importance sampling and resampling where it is another. Its evidence is unbiased.
     pub fn bootstrap(space: S, proposal: P, params: FilterParams) -> Self {
-        Self::new(
-            space,
-            proposal,
-            Mode::Annealed,
-            Box::new(Geometric::single()),
-            Box::new(Stay),
-            params,
-        )
+        Self::new(space, proposal, Mode::Annealed, Box::new(Geometric::single()), Box::new(Stay), params)
     }
 
     /// The annealed particle filter `[Deutscher2005]`: layer m weighs by likelihood^β_m, resamples, and diffuses. It
@@ -119,14 +112,7 @@ impl<S: StateSpace, P: Proposal<S>> Filter<S, P> {
         mutation: impl Mutation<S, P::Frame> + 'static,
         params: FilterParams,
     ) -> Self {
-        Self::new(
-            space,
-            proposal,
-            Mode::Annealed,
-            Box::new(schedule),
-            Box::new(mutation),
-            params,
-        )
+        Self::new(space, proposal, Mode::Annealed, Box::new(schedule), Box::new(mutation), params)
     }
 
     /// A sequential Monte Carlo sampler `[DelMoral2006]` in each frame: the target of layer m is p(x|x′) likelihood^β_m,
@@ -144,14 +130,7 @@ impl<S: StateSpace, P: Proposal<S>> Filter<S, P> {
         mutation: impl Mutation<S, P::Frame> + 'static,
         params: FilterParams,
     ) -> Self {
-        Self::new(
-            space,
-            proposal,
-            Mode::Tempered,
-            Box::new(schedule),
-            Box::new(mutation),
-            params,
-        )
+        Self::new(space, proposal, Mode::Tempered, Box::new(schedule), Box::new(mutation), params)
     }
 
     fn new(
@@ -202,20 +181,14 @@ impl<S: StateSpace, P: Proposal<S>> Filter<S, P> {
     /// When there are no particles, or too many to number.
     pub fn initialise(&mut self, particles: Vec<S::State>) -> Result<(), BadState> {
         let state = FilterState::from_particles(particles);
-        self.restore(FilterState {
-            frame: self.frame,
-            log_evidence: self.log_evidence,
-            ..state
-        })
+        self.restore(FilterState { frame: self.frame, log_evidence: self.log_evidence, ..state })
     }
 
     /// As [`initialise`](Self::initialise), each particle drawn by `draw` from a stream of its own.
     pub fn initialise_with(&mut self, mut draw: impl FnMut(&S, &mut ParticleRng) -> S::State) {
         let at = self.draw(0, Purpose::Initialise);
         let n_particles = self.params.config().n_particles as u32;
-        self.particles = (0..n_particles)
-            .map(|i| draw(&self.space, &mut particle_rng(at, i)))
-            .collect();
+        self.particles = (0..n_particles).map(|i| draw(&self.space, &mut particle_rng(at, i))).collect();
         self.weights = NormalizedWeights::uniform(self.particles.len());
         self.source_shares.clear();
     }
@@ -281,11 +254,6 @@ impl<S: StateSpace, P: Proposal<S>> Filter<S, P> {
     }
 
     fn draw(&self, layer: u32, purpose: Purpose) -> Draw {
-        Draw {
-            seed: self.params.config().seed,
-            frame: self.frame,
-            layer,
-            purpose,
-        }
+        Draw { seed: self.params.config().seed, frame: self.frame, layer, purpose }
     }
 }

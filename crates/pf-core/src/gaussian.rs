@@ -46,14 +46,10 @@ impl Gaussian {
     /// # Errors
     /// When one is negative or not finite.
     pub fn diagonal(standard_deviations: Vec<f64>) -> Result<Self, BadCovariance> {
-        match standard_deviations
-            .iter()
-            .position(|s| !(*s >= 0.0 && s.is_finite()))
-        {
-            Some(coordinate) => Err(BadCovariance::StandardDeviation {
-                coordinate,
-                value: standard_deviations[coordinate],
-            }),
+        match standard_deviations.iter().position(|s| !(*s >= 0.0 && s.is_finite())) {
+            Some(coordinate) => {
+                Err(BadCovariance::StandardDeviation { coordinate, value: standard_deviations[coordinate] })
+            }
             None => Ok(Self(Noise::Diagonal(standard_deviations))),
         }
     }
@@ -157,10 +153,7 @@ fn cholesky(matrix: &mut [f64], dim: usize) -> Result<(), BadCovariance> {
             } else if rest > 0.0 && rest.is_finite() {
                 matrix[row_i + i] = rest.sqrt();
             } else {
-                return Err(BadCovariance::NotPositiveDefinite {
-                    coordinate: i,
-                    pivot: rest,
-                });
+                return Err(BadCovariance::NotPositiveDefinite { coordinate: i, pivot: rest });
             }
         }
     }

@@ -18,10 +18,13 @@
 //! # References
 //! `[Gordon1993]`, `[Deutscher2005]`, `[DelMoral2006]`, `[Salmon2011]`; the keys are in `docs/papers.md`.
 
+#[cfg(feature = "conformance")]
+pub mod conformance;
 pub mod estimate;
 pub mod exec;
 pub mod filter;
 mod gaussian;
+mod lanes;
 pub mod likelihood;
 pub mod mutation;
 pub mod observe;

@@ -80,10 +80,7 @@ struct SurvivorCovariance {
 
 impl From<Gaussian> for GaussianDiffusion {
     fn from(noise: Gaussian) -> Self {
-        Self {
-            noise,
-            survivors: None,
-        }
+        Self { noise, survivors: None }
     }
 }
 
@@ -119,21 +116,14 @@ impl GaussianDiffusion {
         let covariance = vec![0.0; least_standard_deviations.len().pow(2)];
         Ok(Self {
             noise: Gaussian::diagonal(least_standard_deviations.clone())?,
-            survivors: Some(SurvivorCovariance {
-                least_standard_deviations,
-                covariance,
-            }),
+            survivors: Some(SurvivorCovariance { least_standard_deviations, covariance }),
         })
     }
 }
 
 impl<S: StateSpace, F: ?Sized> Mutation<S, F> for GaussianDiffusion {
     fn prepare(&mut self, space: &S, survivors: &[S::State], _step: &LayerStep) {
-        let Some(SurvivorCovariance {
-            least_standard_deviations,
-            covariance,
-        }) = &mut self.survivors
-        else {
+        let Some(SurvivorCovariance { least_standard_deviations, covariance }) = &mut self.survivors else {
             return;
         };
         let dim = space.dim();

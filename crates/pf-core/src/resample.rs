@@ -8,6 +8,7 @@ use crate::weights::NormalizedWeights;
 /// # Laws
 /// - The expected number of places of particle `i` is `ancestors.len()` times its weight.
 /// - A particle of weight zero gets no place.
+/// - Ancestors come in rising order, so that the copies of a particle stand together.
 /// - The result follows from the weights and the generator alone.
 ///
 /// The numbers of weights and of places may differ.
@@ -34,11 +35,8 @@ pub struct Residual;
 
 impl Resampler for Multinomial {
     fn resample(&self, weights: &NormalizedWeights, rng: &mut ParticleRng, ancestors: &mut [u32]) {
-        let weights = weights.as_slice();
-        let mut walk = Walk::new(weights.iter().copied(), 1.0);
-        for_each_sorted_uniform(ancestors.len(), rng, |place, u| {
-            ancestors[place] = walk.particle_at(u)
-        });
+        let mut walk = Walk::new(weights.as_slice().iter().copied(), 1.0);
+        for_each_sorted_uniform(ancestors.len(), rng, |place, u| ancestors[place] = walk.particle_at(u));
     }
 }
 
@@ -52,11 +50,29 @@ impl Resampler for Stratified {
 }
 
 impl Resampler for Systematic {
+    /// Each particle writes its number where its places begin; who has none is overwritten by the next; a running
+    /// maximum fills the gaps. No branch depends on the weights.
     fn resample(&self, weights: &NormalizedWeights, rng: &mut ParticleRng, ancestors: &mut [u32]) {
-        let offset = rng.uniform();
-        let mut walk = Walk::new(weights.as_slice().iter().copied(), ancestors.len() as f64);
-        for (place, ancestor) in ancestors.iter_mut().enumerate() {
-            *ancestor = walk.particle_at(place as f64 + offset);
+        let n = ancestors.len();
+        let (offset, scale) = (rng.uniform(), n as f64);
+        let mut cumulative = 0.0;
+        let mut possible = 0;
+        ancestors.fill(0);
+        for (particle, &weight) in weights.as_slice().iter().enumerate() {
+            if weight > 0.0 {
+                possible = particle as u32;
+            }
+            // The first place whose point, place + offset, is not below the cumulative weight.
+            let first = (cumulative - offset).ceil() as usize;
+            if first < n {
+                ancestors[first] = possible;
+            }
+            cumulative += weight * scale;
+        }
+        let mut last = 0;
+        for ancestor in ancestors {
+            last = last.max(*ancestor);
+            *ancestor = last;
         }
     }
 }
@@ -86,8 +102,8 @@ impl Resampler for Residual {
 struct Walk<I> {
     weights: I,
     scale: f64,
-    /// The particle whose weight was added last.
-    particle: u32,
+    /// Number of weights added so far.
+    n_added: u32,
     /// The last particle so far with a weight above zero.
     possible: u32,
     cumulative: f64,
@@ -95,13 +111,7 @@ struct Walk<I> {
 
 impl<I: Iterator<Item = f64>> Walk<I> {
     fn new(weights: I, scale: f64) -> Self {
-        Self {
-            weights,
-            scale,
-            particle: u32::MAX,
-            possible: 0,
-            cumulative: 0.0,
-        }
+        Self { weights, scale, n_added: 0, possible: 0, cumulative: 0.0 }
     }
 
     /// The particle on whose stretch `point` lies. Past the end (by rounding): the last one that is possible.
@@ -109,11 +119,11 @@ impl<I: Iterator<Item = f64>> Walk<I> {
     fn particle_at(&mut self, point: f64) -> u32 {
         while self.cumulative <= point {
             let Some(weight) = self.weights.next() else { break };
-            self.particle = self.particle.wrapping_add(1);
             if weight > 0.0 {
-                self.possible = self.particle;
-                self.cumulative += weight * self.scale;
+                self.possible = self.n_added;
             }
+            self.n_added += 1;
+            self.cumulative += weight * self.scale;
         }
         self.possible
     }

@@ -63,18 +63,8 @@ pub struct Draw {
 /// When the frame or the layer is beyond [`MAX_FRAMES`] or [`MAX_LAYERS`].
 #[inline]
 pub fn particle_rng(at: Draw, particle: u32) -> ParticleRng {
-    assert!(
-        at.frame < MAX_FRAMES,
-        "frame {} is beyond the last one, {}",
-        at.frame,
-        MAX_FRAMES - 1
-    );
-    assert!(
-        at.layer < MAX_LAYERS,
-        "layer {} is beyond the last one, {}",
-        at.layer,
-        MAX_LAYERS - 1
-    );
+    assert!(at.frame < MAX_FRAMES, "frame {} is beyond the last one, {}", at.frame, MAX_FRAMES - 1);
+    assert!(at.layer < MAX_LAYERS, "layer {} is beyond the last one, {}", at.layer, MAX_LAYERS - 1);
     let frame_high = (at.frame >> 32) as u32;
     ParticleRng {
         key: [at.seed as u32, (at.seed >> 32) as u32],
@@ -113,21 +103,36 @@ pub struct ParticleRng {
 
 impl ParticleRng {
     #[inline]
+    fn refill(&mut self) {
+        self.block = philox4x32_10(self.counter, self.key);
+        self.counter[0] = self.counter[0].wrapping_add(1);
+        self.n_used = 0;
+    }
+
+    #[inline]
     fn word(&mut self) -> u32 {
         if self.n_used == 4 {
-            self.block = philox4x32_10(self.counter, self.key);
-            self.counter[0] = self.counter[0].wrapping_add(1);
-            self.n_used = 0;
+            self.refill();
         }
         let word = self.block[self.n_used];
         self.n_used += 1;
         word
     }
 
+    /// The next two words, the first one low.
     #[inline]
     fn two_words(&mut self) -> u64 {
-        let low = u64::from(self.word());
-        u64::from(self.word()) << 32 | low
+        // Most streams are read two words at a time: then a pair never straddles two blocks.
+        if self.n_used == 4 {
+            self.refill();
+        }
+        let (low, high) = match self.n_used {
+            0 => (self.block[0], self.block[1]),
+            2 => (self.block[2], self.block[3]),
+            _ => return u64::from(self.word()) | u64::from(self.word()) << 32,
+        };
+        self.n_used += 2;
+        u64::from(low) | u64::from(high) << 32
     }
 
     /// A number strictly between 0 and 1, one of 2^52 equally spaced and symmetric about 1/2.

@@ -27,11 +27,7 @@ impl Beta {
     /// # Errors
     /// When `value` is negative, infinite or NaN.
     pub fn new(value: f64) -> Result<Self, BadBeta> {
-        if value >= 0.0 && value.is_finite() {
-            Ok(Self(value))
-        } else {
-            Err(BadBeta(value))
-        }
+        if value >= 0.0 && value.is_finite() { Ok(Self(value)) } else { Err(BadBeta(value)) }
     }
 
     /// The exponent.
@@ -71,10 +67,7 @@ pub struct DiffusionConfig {
 impl Default for DiffusionConfig {
     /// Twice the noise of the motion first, a fifth less each layer.
     fn default() -> Self {
-        Self {
-            first: 2.0,
-            ratio: 0.8,
-        }
+        Self { first: 2.0, ratio: 0.8 }
     }
 }
 
@@ -107,47 +100,20 @@ pub enum BadSchedule {
 }
 
 fn check_layers(layers: u32) -> Result<(), BadSchedule> {
-    if (1..=MAX_LAYERS).contains(&layers) {
-        Ok(())
-    } else {
-        Err(BadSchedule::Layers(layers))
-    }
+    if (1..=MAX_LAYERS).contains(&layers) { Ok(()) } else { Err(BadSchedule::Layers(layers)) }
 }
 
 fn check(field: &'static str, value: f64, expected: &'static str, holds: bool) -> Result<(), BadSchedule> {
-    if holds {
-        Ok(())
-    } else {
-        Err(BadSchedule::OutOfRange {
-            field,
-            value,
-            expected,
-        })
-    }
+    if holds { Ok(()) } else { Err(BadSchedule::OutOfRange { field, value, expected }) }
 }
 
 fn check_fraction(field: &'static str, value: f64) -> Result<(), BadSchedule> {
-    check(
-        field,
-        value,
-        "a number above 0 and below 1",
-        value > 0.0 && value < 1.0,
-    )
+    check(field, value, "a number above 0 and below 1", value > 0.0 && value < 1.0)
 }
 
 fn check_diffusion(diffusion: DiffusionConfig) -> Result<(), BadSchedule> {
     let usable = |x: f64| x >= 0.0 && x.is_finite();
     let expected = "a finite number of zero or more";
-    check(
-        "diffusion.first",
-        diffusion.first,
-        expected,
-        usable(diffusion.first),
-    )?;
-    check(
-        "diffusion.ratio",
-        diffusion.ratio,
-        expected,
-        usable(diffusion.ratio),
-    )
+    check("diffusion.first", diffusion.first, expected, usable(diffusion.first))?;
+    check("diffusion.ratio", diffusion.ratio, expected, usable(diffusion.ratio))
 }

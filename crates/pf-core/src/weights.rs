@@ -1,5 +1,6 @@
 //! Weights of particles: natural logs while they are worked out, a distribution when they are used.
 
+use crate::lanes;
 use crate::schedule::Beta;
 
 /// Natural logs of weights that need not sum to one; −∞ is a weight of zero.
@@ -28,7 +29,7 @@ impl LogWeights {
 
     /// The largest log; −∞ when every weight is zero or there is none.
     pub fn max(&self) -> f64 {
-        self.0.iter().copied().fold(f64::NEG_INFINITY, f64::max)
+        lanes::max(&self.0)
     }
 
     /// ln Σ exp of the logs, without overflow.
@@ -37,7 +38,7 @@ impl LogWeights {
         if max == f64::NEG_INFINITY {
             return max;
         }
-        max + self.0.iter().map(|w| (w - max).exp()).sum::<f64>().ln()
+        max + lanes::sum(&self.0, |w| (w - max).exp()).ln()
     }
 
     /// Number of weights that are not zero.
@@ -112,10 +113,7 @@ impl NormalizedWeights {
         if !(sum > 0.0 && sum.is_finite()) {
             return Err(BadWeights::Sum { sum });
         }
-        let mut normalized = Self {
-            weights,
-            effective_sample_size: 0.0,
-        };
+        let mut normalized = Self { weights, effective_sample_size: 0.0 };
         normalized.normalize();
         Ok(normalized)
     }
@@ -123,28 +121,19 @@ impl NormalizedWeights {
     /// Takes weights that were normalised before as they are, bit for bit.
     pub(crate) fn restore(weights: Vec<f64>) -> Self {
         let effective_sample_size = effective_sample_size(&weights);
-        Self {
-            weights,
-            effective_sample_size,
-        }
+        Self { weights, effective_sample_size }
     }
 
     pub(crate) fn check(weights: &[f64]) -> Result<(), BadWeights> {
         match weights.iter().position(|w| !(w.is_finite() && *w >= 0.0)) {
-            Some(index) => Err(BadWeights::NotAWeight {
-                index,
-                value: weights[index],
-            }),
+            Some(index) => Err(BadWeights::NotAWeight { index, value: weights[index] }),
             None => Ok(()),
         }
     }
 
     /// The same weight for each of `n` particles.
     pub fn uniform(n: usize) -> Self {
-        Self {
-            weights: vec![1.0 / n as f64; n],
-            effective_sample_size: n as f64,
-        }
+        Self { weights: vec![1.0 / n as f64; n], effective_sample_size: n as f64 }
     }
 
     /// The weights.
@@ -170,9 +159,10 @@ impl NormalizedWeights {
 
     /// Divides by the sum and returns it.
     fn normalize(&mut self) -> f64 {
-        let sum: f64 = self.weights.iter().sum();
+        let sum = lanes::sum(&self.weights, |w| w);
+        let scale = 1.0 / sum;
         for w in &mut self.weights {
-            *w /= sum;
+            *w *= scale;
         }
         self.effective_sample_size = effective_sample_size(&self.weights);
         sum
@@ -180,5 +170,5 @@ impl NormalizedWeights {
 }
 
 fn effective_sample_size(weights: &[f64]) -> f64 {
-    1.0 / weights.iter().map(|w| w * w).sum::<f64>()
+    1.0 / lanes::sum(weights, |w| w * w)
 }

@@ -27,10 +27,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         _ => model::simulate(1000, 1),
     };
     let instants = model::instants(&observations);
-    println!(
-        "{:>12} {:>8} {:>8} {:>24}",
-        "particles", "steps", "rmse", "particle-steps/s"
-    );
+    println!("{:>12} {:>8} {:>8} {:>24}", "particles", "steps", "rmse", "particle-steps/s");
     for n_particles in [1_000, 100_000] {
         let n_steps = instants.len().min(PARTICLE_STEPS / n_particles);
         let mut fastest = f64::INFINITY;
@@ -52,10 +49,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             rmse += (squares / n_steps as f64).sqrt() / RUNS as f64;
         }
         let rate = (n_particles * n_steps) as f64 / fastest;
-        println!(
-            "{n_particles:>12} {n_steps:>8} {rmse:>8.3} {:>22.1} M",
-            rate / 1e6
-        );
+        println!("{n_particles:>12} {n_steps:>8} {rmse:>8.3} {:>22.1} M", rate / 1e6);
     }
     Ok(())
 }

@@ -35,10 +35,7 @@ impl Proposal<Euclidean<1>> for Growth {
         instant: &Instant,
         rng: &mut ParticleRng,
     ) -> Proposed<[f64; 1]> {
-        Proposed {
-            state: [Growth::step(*x, instant.drift, rng)],
-            log_correction: 0.0,
-        }
+        Proposed { state: [Growth::step(*x, instant.drift, rng)], log_correction: 0.0 }
     }
 }
 
@@ -65,24 +62,14 @@ impl Likelihood<[f64; 1]> for Squared {
 
 /// The instants of a series of observations.
 pub fn instants(observations: &[f64]) -> Vec<Instant> {
-    let instant = |(k, &observation): (usize, &f64)| Instant {
-        drift: 8.0 * (1.2 * k as f64).cos(),
-        observation,
-    };
+    let instant =
+        |(k, &observation): (usize, &f64)| Instant { drift: 8.0 * (1.2 * k as f64).cos(), observation };
     observations.iter().enumerate().map(instant).collect()
 }
 
 /// True states and observations of `n_steps` steps.
 pub fn simulate(n_steps: usize, seed: u64) -> (Vec<f64>, Vec<f64>) {
-    let mut rng = particle_rng(
-        Draw {
-            seed,
-            frame: 0,
-            layer: 0,
-            purpose: Purpose::User,
-        },
-        0,
-    );
+    let mut rng = particle_rng(Draw { seed, frame: 0, layer: 0, purpose: Purpose::User }, 0);
     let mut x = START_VARIANCE.sqrt() * rng.standard_normal();
     (0..n_steps)
         .map(|k| {
@@ -94,11 +81,7 @@ pub fn simulate(n_steps: usize, seed: u64) -> (Vec<f64>, Vec<f64>) {
 
 /// A bootstrap filter before the first instant.
 pub fn filter(n_particles: usize, seed: u64) -> Filter<Euclidean<1>, Growth> {
-    let config = FilterConfig {
-        n_particles,
-        seed,
-        ..FilterConfig::default()
-    };
+    let config = FilterConfig { n_particles, seed, ..FilterConfig::default() };
     let params = FilterParams::new(config).expect("the numbers of particles used here are allowed");
     let mut filter = Filter::bootstrap(Euclidean, Growth, params);
     filter.initialise_with(|_, rng| [START_VARIANCE.sqrt() * rng.standard_normal()]);

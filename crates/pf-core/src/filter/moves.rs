@@ -23,13 +23,7 @@ impl<S: StateSpace, P: Proposal<S>> Filter<S, P> {
     pub(super) fn diffuse(&mut self, layer: u32, frame: &P::Frame) {
         let step = self.layer_step(layer);
         let at = self.draw(layer, Purpose::Mutate);
-        let Self {
-            space,
-            mutation,
-            work,
-            exec,
-            ..
-        } = self;
+        let Self { space, mutation, work, exec, .. } = self;
         mutation.prepare(space, &work.states, &step);
         let (space, mutation) = (&*space, &*mutation);
         exec.for_each(&mut work.states, |i, state| {
@@ -56,23 +50,10 @@ impl<S: StateSpace, P: Proposal<S>> Filter<S, P> {
         for k in 0..n_moves {
             let address = layer * n_moves + k;
             self.draw_moves(&step, address, frame);
-            let Self {
-                work, frame: number, ..
-            } = self;
-            ask(
-                *number,
-                layer,
-                likelihood,
-                frame,
-                &work.next_states,
-                &mut work.next_log_likelihoods,
-            )?;
+            let Self { work, frame: number, .. } = self;
+            ask(*number, layer, likelihood, frame, &work.next_states, &mut work.next_log_likelihoods)?;
             if let Some((particle, _)) = first_bad(&work.log_motion_ratios) {
-                return Err(StepError::NoMotionDensity {
-                    frame: *number,
-                    layer,
-                    particle,
-                });
+                return Err(StepError::NoMotionDensity { frame: *number, layer, particle });
             }
             n_accepted += self.accept_moves(address, beta);
         }
@@ -82,15 +63,7 @@ impl<S: StateSpace, P: Proposal<S>> Filter<S, P> {
     /// Fills `next_states` with moved copies of the particles, and the ratios of their motion densities.
     fn draw_moves(&mut self, step: &LayerStep, address: u32, frame: &P::Frame) {
         let at = self.draw(address, Purpose::Mutate);
-        let Self {
-            space,
-            proposal,
-            mutation,
-            work,
-            exec,
-            particles,
-            ..
-        } = self;
+        let Self { space, proposal, mutation, work, exec, particles, .. } = self;
         let (space, proposal, mutation, particles) = (&*space, &*proposal, &*mutation, &*particles);
         let (states, ancestors) = (&*work.states, &*work.ancestors);
         exec.for_each(&mut work.next_states, |i, moved| {
@@ -101,11 +74,7 @@ impl<S: StateSpace, P: Proposal<S>> Filter<S, P> {
         work.log_motion_ratios.resize(states.len(), 0.0);
         exec.for_each(&mut work.log_motion_ratios, |i, ratio| {
             let previous = &particles[ancestors[i] as usize];
-            let log_density = |state| {
-                proposal
-                    .log_motion_density(space, previous, state)
-                    .unwrap_or(f64::NAN)
-            };
+            let log_density = |state| proposal.log_motion_density(space, previous, state).unwrap_or(f64::NAN);
             *ratio = log_density(&next_states[i]) - log_density(&states[i]);
         });
     }

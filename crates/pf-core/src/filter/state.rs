@@ -19,12 +19,7 @@ pub struct FilterConfig {
 
 impl Default for FilterConfig {
     fn default() -> Self {
-        Self {
-            n_particles: 200,
-            seed: 0,
-            resample_below: 1.0,
-            moves_per_layer: 1,
-        }
+        Self { n_particles: 200, seed: 0, resample_below: 1.0, moves_per_layer: 1 }
     }
 }
 
@@ -77,13 +72,7 @@ impl<T> FilterState<T> {
     /// Equally weighted particles before the first frame.
     pub fn from_particles(particles: Vec<T>) -> Self {
         let weights = vec![1.0 / particles.len() as f64; particles.len()];
-        Self {
-            frame: 0,
-            particles,
-            weights,
-            source_shares: Vec::new(),
-            log_evidence: 0.0,
-        }
+        Self { frame: 0, particles, weights, source_shares: Vec::new(), log_evidence: 0.0 }
     }
 
     pub(super) fn check(&self) -> Result<(), BadState> {
@@ -101,11 +90,7 @@ impl<T> FilterState<T> {
         const TOLERANCE: f64 = 1e-6;
         let sum: f64 = self.weights.iter().sum();
         NormalizedWeights::check(&self.weights)
-            .and(if (sum - 1.0).abs() <= TOLERANCE {
-                Ok(())
-            } else {
-                Err(BadWeights::Sum { sum })
-            })
+            .and(if (sum - 1.0).abs() <= TOLERANCE { Ok(()) } else { Err(BadWeights::Sum { sum }) })
             .map_err(|source| BadState::Weights { source })
     }
 }

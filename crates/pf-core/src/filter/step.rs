@@ -4,6 +4,7 @@ use std::convert::Infallible;
 use std::error::Error;
 
 use super::{Filter, Lost, Mode, Step, StepError};
+use crate::lanes;
 use crate::likelihood::Likelihood;
 use crate::observe::{FrameView, LayerView, Observer};
 use crate::proposal::Proposal;
@@ -35,10 +36,7 @@ impl<S: StateSpace, P: Proposal<S>> Filter<S, P> {
             let is_last = layer + 1 == n_layers;
             beta = self.next_beta(layer, beta_before, is_last);
             if !self.weigh(layer, beta_before, beta, acceptance) {
-                let lost = Lost {
-                    frame: self.frame,
-                    layer,
-                };
+                let lost = Lost { frame: self.frame, layer };
                 self.frame += 1;
                 return Ok(Step::Lost(lost));
             }
@@ -88,14 +86,7 @@ impl<S: StateSpace, P: Proposal<S>> Filter<S, P> {
         self.proposal.adapt(&self.source_shares);
         let resampled = self.choose_parents();
         let at = self.draw(0, Purpose::Propose);
-        let Self {
-            space,
-            proposal,
-            particles,
-            weights,
-            work,
-            ..
-        } = self;
+        let Self { space, proposal, particles, weights, work, .. } = self;
         let (particles, weights, parents) = (&*particles, weights.as_slice(), &*work.parents);
         let equal = -(parents.len() as f64).ln();
         let (space, proposal) = (&*space, &*proposal);
@@ -113,11 +104,9 @@ impl<S: StateSpace, P: Proposal<S>> Filter<S, P> {
         );
         work.ancestors.clone_from(&work.parents);
         match first_bad(&work.log_prior_weights) {
-            Some((particle, value)) => Err(StepError::BadLogCorrection {
-                frame: self.frame,
-                particle,
-                value,
-            }),
+            Some((particle, value)) => {
+                Err(StepError::BadLogCorrection { frame: self.frame, particle, value })
+            }
             None => Ok(()),
         }
     }
@@ -137,8 +126,7 @@ impl<S: StateSpace, P: Proposal<S>> Filter<S, P> {
             }
         } else {
             let mut rng = particle_rng(self.draw(0, Purpose::Resample), 0);
-            self.resampler
-                .resample(&self.weights, &mut rng, &mut self.work.parents);
+            self.resampler.resample(&self.weights, &mut rng, &mut self.work.parents);
         }
         !skip
     }
@@ -154,29 +142,17 @@ impl<S: StateSpace, P: Proposal<S>> Filter<S, P> {
         L: Likelihood<S::State, Frame = P::Frame>,
     {
         let log_likelihoods = self.work.log_likelihoods.as_mut_slice();
-        ask(
-            self.frame,
-            layer,
-            likelihood,
-            frame,
-            &self.work.states,
-            log_likelihoods,
-        )
+        ask(self.frame, layer, likelihood, frame, &self.work.states, log_likelihoods)
     }
 
     fn next_beta(&self, layer: u32, before: Beta, is_last: bool) -> Beta {
         match self.mode {
             Mode::Tempered if is_last => Beta::ONE,
             Mode::Tempered => {
-                let beta = self
-                    .schedule
-                    .beta_after(layer, before, &self.work.log_likelihoods)
-                    .get();
+                let beta = self.schedule.beta_after(layer, before, &self.work.log_likelihoods).get();
                 Beta::new(beta.clamp(before.get(), 1.0)).expect("a number from 0 to 1 is an exponent")
             }
-            Mode::Annealed => self
-                .schedule
-                .beta_after(layer, before, &self.work.log_likelihoods),
+            Mode::Annealed => self.schedule.beta_after(layer, before, &self.work.log_likelihoods),
         }
     }
 
@@ -205,17 +181,13 @@ impl<S: StateSpace, P: Proposal<S>> Filter<S, P> {
     /// Draws the particles of `layer` from those of the layer before.
     fn resample(&mut self, layer: u32) {
         let mut rng = particle_rng(self.draw(layer, Purpose::Resample), 0);
-        self.resampler
-            .resample(&self.work.weights, &mut rng, &mut self.work.parents);
+        self.resampler.resample(&self.work.weights, &mut rng, &mut self.work.parents);
         self.work.replace_by_parents(&self.exec);
     }
 
     /// Gives the frame up.
     fn lose(&mut self, layer: u32) -> Lost {
-        let lost = Lost {
-            frame: self.frame,
-            layer,
-        };
+        let lost = Lost { frame: self.frame, layer };
         self.frame += 1;
         lost
     }
@@ -270,29 +242,21 @@ pub(super) fn ask<T, L: Likelihood<T>>(
     states: &[T],
     out: &mut [f64],
 ) -> Result<(), StepError<L::Error>> {
-    likelihood
-        .log_likelihoods(frame, states, out)
-        .map_err(|source| StepError::Likelihood {
-            frame: number,
-            layer,
-            source,
-        })?;
+    likelihood.log_likelihoods(frame, states, out).map_err(|source| StepError::Likelihood {
+        frame: number,
+        layer,
+        source,
+    })?;
     match first_bad(out) {
-        Some((particle, value)) => Err(StepError::BadLogLikelihood {
-            frame: number,
-            layer,
-            particle,
-            value,
-        }),
+        Some((particle, value)) => Err(StepError::BadLogLikelihood { frame: number, layer, particle, value }),
         None => Ok(()),
     }
 }
 
 /// The first log weight that is NaN or +∞.
 pub(super) fn first_bad(log_weights: &[f64]) -> Option<(usize, f64)> {
-    log_weights
-        .iter()
-        .copied()
-        .enumerate()
-        .find(|(_, w)| w.is_nan() || *w == f64::INFINITY)
+    if lanes::all_below_infinity(log_weights) {
+        return None;
+    }
+    log_weights.iter().copied().enumerate().find(|(_, w)| w.is_nan() || *w == f64::INFINITY)
 }

@@ -27,7 +27,6 @@ pub(super) struct Work<T> {
     /// ln p(moved|x′) − ln p(unmoved|x′).
     pub log_motion_ratios: Vec<f64>,
     log_weights: LogWeights,
-    marks: Vec<bool>,
 }
 
 impl<T> Default for Work<T> {
@@ -47,7 +46,6 @@ impl<T> Default for Work<T> {
             next_sources: Vec::new(),
             log_motion_ratios: Vec::new(),
             log_weights: LogWeights::default(),
-            marks: Vec::new(),
         }
     }
 }
@@ -85,23 +83,15 @@ impl<T: Clone + Send + Sync> Work<T> {
 
     /// Makes the particles that `parents` names the particles of the next layer, equally weighted.
     pub fn replace_by_parents(&mut self, exec: &Exec) {
-        let Self {
-            states,
-            next_states,
-            parents,
-            ..
-        } = self;
+        let Self { states, next_states, parents, .. } = self;
         next_states.resize_with(states.len(), || states[0].clone());
-        exec.for_each(next_states, |i, next| {
-            next.clone_from(&states[parents[i] as usize])
-        });
+        exec.for_each(next_states, |i, next| next.clone_from(&states[parents[i] as usize]));
         std::mem::swap(states, next_states);
         take_from_parents(parents, &mut self.ancestors, &mut self.next_ancestors);
         take_from_parents(parents, &mut self.sources, &mut self.next_sources);
         self.next_log_likelihoods.clear();
         let log_likelihoods = self.log_likelihoods.as_mut_slice();
-        self.next_log_likelihoods
-            .extend(parents.iter().map(|&p| log_likelihoods[p as usize]));
+        self.next_log_likelihoods.extend(parents.iter().map(|&p| log_likelihoods[p as usize]));
         log_likelihoods.copy_from_slice(&self.next_log_likelihoods);
         let equal = -(parents.len() as f64).ln();
         self.log_prior_weights.fill(equal);
@@ -109,12 +99,8 @@ impl<T: Clone + Send + Sync> Work<T> {
 
     /// Notes the figures of the layer just weighed.
     pub fn note_layer(&mut self, layer: u32, beta: Beta, log_evidence: f64, acceptance: f64) {
-        let unique_parents = count_distinct(&self.parents, &mut self.marks);
-        let unique_ancestors = if layer == 0 {
-            unique_parents
-        } else {
-            count_distinct(&self.ancestors, &mut self.marks)
-        };
+        let unique_parents = count_distinct(&self.parents);
+        let unique_ancestors = if layer == 0 { unique_parents } else { count_distinct(&self.ancestors) };
         self.layers.push(LayerStats {
             layer,
             beta,
@@ -130,11 +116,7 @@ impl<T: Clone + Send + Sync> Work<T> {
 
 /// ln of likelihood^exponent; impossible stays impossible, also for exponent zero.
 pub(super) fn scaled(exponent: f64, log_likelihood: f64) -> f64 {
-    if log_likelihood == f64::NEG_INFINITY {
-        log_likelihood
-    } else {
-        exponent * log_likelihood
-    }
+    if log_likelihood == f64::NEG_INFINITY { log_likelihood } else { exponent * log_likelihood }
 }
 
 fn take_from_parents<A: Copy>(parents: &[u32], values: &mut Vec<A>, room: &mut Vec<A>) {
@@ -143,14 +125,7 @@ fn take_from_parents<A: Copy>(parents: &[u32], values: &mut Vec<A>, room: &mut V
     std::mem::swap(values, room);
 }
 
-fn count_distinct(indices: &[u32], marks: &mut Vec<bool>) -> usize {
-    marks.clear();
-    for &i in indices {
-        let i = i as usize;
-        if i >= marks.len() {
-            marks.resize(i + 1, false);
-        }
-        marks[i] = true;
-    }
-    marks.iter().filter(|&&marked| marked).count()
+/// Number of distinct indices, which come in rising order.
+fn count_distinct(indices: &[u32]) -> usize {
+    1 + indices.windows(2).filter(|pair| pair[0] != pair[1]).count()
 }

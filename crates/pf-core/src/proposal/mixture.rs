@@ -28,12 +28,7 @@ pub struct MixtureConfig {
 
 impl Default for MixtureConfig {
     fn default() -> Self {
-        Self {
-            initial_cue_share: 0.5,
-            least_share: 0.05,
-            adapts: true,
-            weighting: Weighting::Importance,
-        }
+        Self { initial_cue_share: 0.5, least_share: 0.05, adapts: true, weighting: Weighting::Importance }
     }
 }
 
@@ -79,12 +74,7 @@ impl<P, C> MixtureProposal<P, C> {
         if !(share >= least && share <= 1.0 - least) {
             return Err(BadMixture::InitialCueShare { share, least });
         }
-        Ok(Self {
-            prior,
-            cue,
-            config,
-            cue_share: share,
-        })
+        Ok(Self { prior, cue, config, cue_share: share })
     }
 
     /// The share γ of the cue in the frame at hand.
@@ -113,10 +103,7 @@ impl<S: StateSpace, P: Proposal<S>, C: Proposal<S, Frame = P::Frame>> Proposal<S
     fn log_density(&self, space: &S, previous: &S::State, frame: &P::Frame, state: &S::State) -> Option<f64> {
         let prior = self.prior.log_density(space, previous, frame, state)?;
         let cue = self.cue.log_density(space, previous, frame, state)?;
-        Some(log_add_exp(
-            (1.0 - self.cue_share).ln() + prior,
-            self.cue_share.ln() + cue,
-        ))
+        Some(log_add_exp((1.0 - self.cue_share).ln() + prior, self.cue_share.ln() + cue))
     }
 
     fn n_sources(&self) -> usize {
@@ -149,22 +136,11 @@ impl<S: StateSpace, P: Proposal<S>, C: Proposal<S, Frame = P::Frame>> Proposal<S
                 motion - mixture
             }
         };
-        (
-            Proposed {
-                state,
-                log_correction,
-            },
-            u8::from(from_cue),
-        )
+        (Proposed { state, log_correction }, u8::from(from_cue))
     }
 
     fn adapt(&mut self, source_shares: &[f64]) {
-        let MixtureConfig {
-            initial_cue_share,
-            least_share,
-            adapts,
-            ..
-        } = self.config;
+        let MixtureConfig { initial_cue_share, least_share, adapts, .. } = self.config;
         self.cue_share = match source_shares {
             [_, cue] if adapts => cue.clamp(least_share, 1.0 - least_share),
             _ => initial_cue_share,
@@ -175,9 +151,5 @@ impl<S: StateSpace, P: Proposal<S>, C: Proposal<S, Frame = P::Frame>> Proposal<S
 /// ln(exp a + exp b) without overflow.
 fn log_add_exp(a: f64, b: f64) -> f64 {
     let (large, small) = if a > b { (a, b) } else { (b, a) };
-    if small == f64::NEG_INFINITY {
-        large
-    } else {
-        large + (small - large).exp().ln_1p()
-    }
+    if small == f64::NEG_INFINITY { large } else { large + (small - large).exp().ln_1p() }
 }

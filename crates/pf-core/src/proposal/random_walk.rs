@@ -27,10 +27,7 @@ impl<F: ?Sized> Clone for RandomWalk<F> {
 impl<F: ?Sized> RandomWalk<F> {
     /// A walk with steps from `step`.
     pub fn new(step: Gaussian) -> Self {
-        Self {
-            step,
-            frame: PhantomData,
-        }
+        Self { step, frame: PhantomData }
     }
 }
 
@@ -43,10 +40,7 @@ impl<S: StateSpace, F: ?Sized + Sync> Proposal<S> for RandomWalk<F> {
             self.step.sample(1.0, rng, delta);
             space.retract(&mut state, delta);
         });
-        Proposed {
-            state,
-            log_correction: 0.0,
-        }
+        Proposed { state, log_correction: 0.0 }
     }
 
     fn log_motion_density(&self, space: &S, previous: &S::State, state: &S::State) -> Option<f64> {

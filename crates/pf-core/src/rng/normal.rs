@@ -21,17 +21,9 @@ pub fn standard_normal_quantile(probability: f64) -> f64 {
 
 /// Beyond the central 85 per cent.
 fn tail_quantile(probability: f64, centred: f64) -> f64 {
-    let tail = if centred < 0.0 {
-        probability
-    } else {
-        1.0 - probability
-    };
+    let tail = if centred < 0.0 { probability } else { 1.0 - probability };
     let r = (-tail.ln()).sqrt();
-    let magnitude = if r <= 5.0 {
-        ratio(r - 1.6, &TAIL)
-    } else {
-        ratio(r - 5.0, &FAR_TAIL)
-    };
+    let magnitude = if r <= 5.0 { ratio(r - 1.6, &TAIL) } else { ratio(r - 5.0, &FAR_TAIL) };
     magnitude.copysign(centred)
 }
 

@@ -19,12 +19,7 @@ pub struct SurvivalRateConfig {
 
 impl Default for SurvivalRateConfig {
     fn default() -> Self {
-        Self {
-            layers: 10,
-            survival_rate: 0.5,
-            max_beta: 1e4,
-            diffusion: DiffusionConfig::default(),
-        }
+        Self { layers: 10, survival_rate: 0.5, max_beta: 1e4, diffusion: DiffusionConfig::default() }
     }
 }
 
@@ -43,12 +38,7 @@ impl SurvivalRate {
         check_layers(config.layers)?;
         check_fraction("survival_rate", config.survival_rate)?;
         let max_beta_is_usable = config.max_beta > 0.0 && config.max_beta.is_finite();
-        check(
-            "max_beta",
-            config.max_beta,
-            "a finite number above zero",
-            max_beta_is_usable,
-        )?;
+        check("max_beta", config.max_beta, "a finite number above zero", max_beta_is_usable)?;
         check_diffusion(config.diffusion)?;
         Ok(Self(config))
     }
@@ -81,11 +71,7 @@ pub struct EssConfig {
 
 impl Default for EssConfig {
     fn default() -> Self {
-        Self {
-            max_layers: 50,
-            ess_fraction: 0.5,
-            diffusion: DiffusionConfig::default(),
-        }
+        Self { max_layers: 50, ess_fraction: 0.5, diffusion: DiffusionConfig::default() }
     }
 }
 
@@ -126,11 +112,7 @@ impl AnnealingSchedule for EssSchedule {
             return Beta::ONE;
         }
         let rise = exponent_for_ess(log_weights, self.0.ess_fraction, left).get();
-        if rise == left {
-            Beta::ONE
-        } else {
-            Beta(previous.get() + rise)
-        }
+        if rise == left { Beta::ONE } else { Beta(previous.get() + rise) }
     }
 }
 

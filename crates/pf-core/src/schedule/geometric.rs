@@ -19,12 +19,7 @@ pub struct GeometricConfig {
 
 impl Default for GeometricConfig {
     fn default() -> Self {
-        Self {
-            layers: 10,
-            first_beta: 0.05,
-            last_beta: 1.0,
-            diffusion: DiffusionConfig::default(),
-        }
+        Self { layers: 10, first_beta: 0.05, last_beta: 1.0, diffusion: DiffusionConfig::default() }
     }
 }
 
@@ -46,28 +41,15 @@ impl Geometric {
     pub fn new(config: GeometricConfig) -> Result<Self, BadSchedule> {
         check_layers(config.layers)?;
         let positive = |x: f64| x > 0.0 && x.is_finite();
-        check(
-            "first_beta",
-            config.first_beta,
-            "a finite number above zero",
-            positive(config.first_beta),
-        )?;
-        check(
-            "last_beta",
-            config.last_beta,
-            "a finite number above zero",
-            positive(config.last_beta),
-        )?;
+        check("first_beta", config.first_beta, "a finite number above zero", positive(config.first_beta))?;
+        check("last_beta", config.last_beta, "a finite number above zero", positive(config.last_beta))?;
         check_diffusion(config.diffusion)?;
         Ok(Self(config))
     }
 
     /// One layer that takes the likelihood as it is.
     pub fn single() -> Self {
-        Self(GeometricConfig {
-            layers: 1,
-            ..GeometricConfig::default()
-        })
+        Self(GeometricConfig { layers: 1, ..GeometricConfig::default() })
     }
 }
 
