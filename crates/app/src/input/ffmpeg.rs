@@ -34,31 +34,10 @@ impl FfmpegPipe {
         let mut input = std::ffi::OsString::from("file:");
         input.push(path);
         let mut child = Command::new(program)
-            .args([
-                "-nostdin",
-                "-v",
-                "error",
-                "-xerror",
-                "-protocol_whitelist",
-                "file,crypto",
-                "-i",
-            ])
+            .args(["-nostdin", "-v", "error", "-xerror", "-protocol_whitelist", "file,crypto", "-i"])
             .arg(input)
-            .args([
-                "-map",
-                "0:v:0",
-                "-vf",
-                "scale=out_color_matrix=bt601:out_range=tv",
-            ])
-            .args([
-                "-pix_fmt",
-                "yuv420p",
-                "-fps_mode",
-                "passthrough",
-                "-f",
-                "yuv4mpegpipe",
-                "-",
-            ])
+            .args(["-map", "0:v:0", "-vf", "scale=out_color_matrix=bt601:out_range=tv"])
+            .args(["-pix_fmt", "yuv420p", "-fps_mode", "passthrough", "-f", "yuv4mpegpipe", "-"])
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
@@ -78,13 +57,7 @@ impl FfmpegPipe {
             let _ = stderr.read_to_end(&mut text);
             String::from_utf8_lossy(&text).into_owned()
         });
-        let info = SourceInfo {
-            path: path.to_owned(),
-            width: 0,
-            height: 0,
-            fps: None,
-            n_frames: None,
-        };
+        let info = SourceInfo { path: path.to_owned(), width: 0, height: 0, fps: None, n_frames: None };
         let mut pipe = Self {
             info,
             child,
@@ -104,10 +77,7 @@ impl FfmpegPipe {
         }
         let header = String::from_utf8_lossy(&header);
         let (width, height, fps) = parse_header(&header).with_context(|| {
-            format!(
-                "{name}: ffmpeg wrote {:?}, expected a YUV4MPEG2 header",
-                header.trim_end()
-            )
+            format!("{name}: ffmpeg wrote {:?}, expected a YUV4MPEG2 header", header.trim_end())
         })?;
         pipe.info.width = width;
         pipe.info.height = height;
@@ -124,8 +94,7 @@ impl FfmpegPipe {
         }
         ensure!(marker.starts_with(b"FRAME"), "ffmpeg wrote no frame marker");
         let (width, height) = (self.info.width as usize, self.info.height as usize);
-        self.picture
-            .resize(width * height + 2 * width.div_ceil(2) * height.div_ceil(2), 0);
+        self.picture.resize(width * height + 2 * width.div_ceil(2) * height.div_ceil(2), 0);
         // A cut picture means that ffmpeg stopped: its own words tell why.
         Ok(self.output.read_exact(&mut self.picture).is_ok())
     }
@@ -134,15 +103,8 @@ impl FfmpegPipe {
     fn finish(&mut self) -> anyhow::Result<()> {
         self.done = true;
         let status = self.child.wait().context("cannot wait for ffmpeg")?;
-        let complaints = self
-            .complaints
-            .take()
-            .and_then(|thread| thread.join().ok())
-            .unwrap_or_default();
-        let complaint = complaints
-            .lines()
-            .find(|line| !line.trim().is_empty())
-            .unwrap_or("no reason given");
+        let complaints = self.complaints.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
+        let complaint = complaints.lines().find(|line| !line.trim().is_empty()).unwrap_or("no reason given");
         ensure!(
             status.success(),
             "{}: frame {}: ffmpeg stopped: {}",
@@ -172,22 +134,8 @@ impl FrameSource for FfmpegPipe {
         let chroma_stride = width.div_ceil(2);
         let (luma, chroma) = self.picture.split_at(width * height);
         let (u, v) = chroma.split_at(chroma_stride * height.div_ceil(2));
-        let planes = Planes {
-            width,
-            height,
-            luma,
-            chroma: [u, v],
-            luma_stride: width,
-            chroma_stride,
-        };
-        rgb_from_yuv420(
-            &planes,
-            ColourCode {
-                bt709: false,
-                full_range: false,
-            },
-            frame,
-        );
+        let planes = Planes { width, height, luma, chroma: [u, v], luma_stride: width, chroma_stride };
+        rgb_from_yuv420(&planes, ColourCode { bt709: false, full_range: false }, frame);
         self.frames_given += 1;
         Ok(true)
     }

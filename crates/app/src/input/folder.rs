@@ -1,4 +1,4 @@
-//! Folders of numbered images.
+//! Folders of numbered images: frames or masks.
 
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
@@ -6,6 +6,7 @@ use std::{fs, vec};
 
 use anyhow::{Context as _, ensure};
 use image::{DynamicImage, ImageDecoder as _, ImageReader};
+use silhouette::Mask;
 
 use super::{FrameSource, RgbFrame, SourceInfo};
 
@@ -19,18 +20,7 @@ impl ImageFolder {
     /// Lists the folder and takes the size from its first image.
     pub fn open(folder: &Path) -> anyhow::Result<Self> {
         let files = list_images(folder, &["png", "jpg", "jpeg"])?;
-        let first = read_image(&files[0])?;
-        let info = SourceInfo {
-            path: folder.to_owned(),
-            width: first.width(),
-            height: first.height(),
-            fps: None,
-            n_frames: Some(files.len() as u64),
-        };
-        Ok(Self {
-            info,
-            files: files.into_iter(),
-        })
+        Ok(Self { info: describe(folder, &files)?, files: files.into_iter() })
     }
 }
 
@@ -43,51 +33,95 @@ impl FrameSource for ImageFolder {
         let Some(file) = self.files.next() else {
             return Ok(false);
         };
-        let image = read_image(&file)?;
-        check_size(&file, (image.width(), image.height()), &self.info)?;
-        frame.width = image.width();
-        frame.height = image.height();
-        frame.pixels = image.into_rgb8().into_raw();
+        let image = decode(&file)?;
+        check_size(&file, &image, &self.info)?;
+        *frame = rgb_frame(image);
         Ok(true)
     }
 }
 
+/// PNG files of a folder as masks, in the natural order of their names.
+///
+/// A pixel is person when its grey value is 128 or more; in a file whose largest value is 1, where it is 1.
+pub struct MaskFolder {
+    info: SourceInfo,
+    files: vec::IntoIter<PathBuf>,
+}
+
+impl MaskFolder {
+    /// Lists the folder and takes the size from its first mask.
+    pub fn open(folder: &Path) -> anyhow::Result<Self> {
+        let files = list_images(folder, &["png"])?;
+        Ok(Self { info: describe(folder, &files)?, files: files.into_iter() })
+    }
+
+    /// Size and length.
+    pub fn info(&self) -> &SourceInfo {
+        &self.info
+    }
+
+    /// The next mask; `None` at the end of the folder.
+    pub fn next_mask(&mut self) -> anyhow::Result<Option<Mask>> {
+        let Some(file) = self.files.next() else { return Ok(None) };
+        let image = decode(&file)?;
+        check_size(&file, &image, &self.info)?;
+        let gray = image.into_luma8();
+        let threshold = if gray.iter().max() == Some(&1) { 1 } else { 128 };
+        Ok(Some(Mask::from_gray8(gray.width(), gray.height(), &gray, threshold)))
+    }
+}
+
+/// Reads one PNG or JPEG file.
+pub fn read_image(file: &Path) -> anyhow::Result<RgbFrame> {
+    Ok(rgb_frame(decode(file)?))
+}
+
+fn rgb_frame(image: DynamicImage) -> RgbFrame {
+    RgbFrame { width: image.width(), height: image.height(), pixels: image.into_rgb8().into_raw() }
+}
+
+fn describe(folder: &Path, files: &[PathBuf]) -> anyhow::Result<SourceInfo> {
+    let first = decode(&files[0])?;
+    Ok(SourceInfo {
+        path: folder.to_owned(),
+        width: first.width(),
+        height: first.height(),
+        fps: None,
+        n_frames: Some(files.len() as u64),
+    })
+}
+
 /// The images of `folder` in natural order; at least one.
-pub(super) fn list_images(folder: &Path, extensions: &[&str]) -> anyhow::Result<Vec<PathBuf>> {
+fn list_images(folder: &Path, extensions: &[&str]) -> anyhow::Result<Vec<PathBuf>> {
     let unreadable = || format!("{}: cannot list the folder", folder.display());
     let mut files = Vec::new();
     for entry in fs::read_dir(folder).with_context(unreadable)? {
         let path = entry.with_context(unreadable)?.path();
-        let extension = path
-            .extension()
-            .and_then(|extension| extension.to_str())
-            .map(str::to_ascii_lowercase);
+        let extension =
+            path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
         if extension.is_some_and(|extension| extensions.contains(&extension.as_str())) {
             files.push(path);
         }
     }
     let expected = extensions.join(", *.");
-    ensure!(
-        !files.is_empty(),
-        "{}: holds 0 frames, expected files *.{expected}",
-        folder.display()
-    );
+    ensure!(!files.is_empty(), "{}: holds 0 frames, expected files *.{expected}", folder.display());
     files.sort_by(|a, b| natural_order(&a.to_string_lossy(), &b.to_string_lossy()));
     Ok(files)
 }
 
-pub(super) fn read_image(file: &Path) -> anyhow::Result<DynamicImage> {
-    let decode = || -> anyhow::Result<DynamicImage> {
+fn decode(file: &Path) -> anyhow::Result<DynamicImage> {
+    let upright = || -> anyhow::Result<DynamicImage> {
         let mut decoder = ImageReader::open(file)?.with_guessed_format()?.into_decoder()?;
         let orientation = decoder.orientation()?;
         let mut image = DynamicImage::from_decoder(decoder)?;
         image.apply_orientation(orientation);
         Ok(image)
     };
-    decode().with_context(|| format!("{}: cannot read the image", file.display()))
+    upright().with_context(|| format!("{}: cannot read the image", file.display()))
 }
 
-pub(super) fn check_size(file: &Path, (width, height): (u32, u32), info: &SourceInfo) -> anyhow::Result<()> {
+fn check_size(file: &Path, image: &DynamicImage, info: &SourceInfo) -> anyhow::Result<()> {
+    let (width, height) = (image.width(), image.height());
     ensure!(
         (width, height) == (info.width, info.height),
         "{}: is {width}x{height}, expected {}x{} as the first frame",
@@ -111,10 +145,7 @@ pub fn natural_order(a: &str, b: &str) -> Ordering {
         let (number_b, after_b) = split_digits(rest_b);
         if !number_a.is_empty() && !number_b.is_empty() {
             let (digits_a, digits_b) = (number_a.trim_start_matches('0'), number_b.trim_start_matches('0'));
-            let order = digits_a
-                .len()
-                .cmp(&digits_b.len())
-                .then_with(|| digits_a.cmp(digits_b));
+            let order = digits_a.len().cmp(&digits_b.len()).then_with(|| digits_a.cmp(digits_b));
             if order.is_ne() {
                 return order;
             }

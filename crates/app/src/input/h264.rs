@@ -25,18 +25,12 @@ impl SequenceHeader {
     /// Parses a sequence parameter set NAL unit, header byte included; `None` when it is cut short or out of range.
     pub fn parse(nal: &[u8]) -> Option<Self> {
         let payload = without_emulation_prevention(nal.get(1..)?);
-        let mut bits = Bits {
-            bytes: &payload,
-            at: 0,
-        };
+        let mut bits = Bits { bytes: &payload, at: 0 };
         let profile = bits.take(8)?;
         bits.take(16)?; // constraint flags, level
         bits.unsigned()?; // seq_parameter_set_id
         let (mut chroma_format, mut bit_depth, mut separate_planes) = (1, 8, false);
-        if matches!(
-            profile,
-            100 | 110 | 122 | 244 | 44 | 83 | 86 | 118 | 128 | 138 | 139 | 134 | 135
-        ) {
+        if matches!(profile, 100 | 110 | 122 | 244 | 44 | 83 | 86 | 118 | 128 | 138 | 139 | 134 | 135) {
             chroma_format = bits.unsigned()?;
             separate_planes = chroma_format == 3 && bits.flag()?;
             bit_depth = 8 + bits.unsigned()?.max(bits.unsigned()?);
@@ -57,12 +51,7 @@ impl SequenceHeader {
         }
         bits.take(1)?; // direct_8x8_inference_flag
         let crop = if bits.flag()? {
-            [
-                bits.unsigned()?,
-                bits.unsigned()?,
-                bits.unsigned()?,
-                bits.unsigned()?,
-            ]
+            [bits.unsigned()?, bits.unsigned()?, bits.unsigned()?, bits.unsigned()?]
         } else {
             [0; 4]
         };
@@ -80,29 +69,18 @@ impl SequenceHeader {
         };
         Some(Self {
             width: cut(width_in_blocks, unit_x, crop[0], crop[1])?,
-            height: cut(
-                height_in_map_units.checked_mul(field_factor)?,
-                unit_y,
-                crop[2],
-                crop[3],
-            )?,
+            height: cut(height_in_map_units.checked_mul(field_factor)?, unit_y, crop[2], crop[3])?,
             chroma_format,
             bit_depth,
             interlaced,
-            colour: colour.unwrap_or(ColourCode {
-                bt709: false,
-                full_range: false,
-            }),
+            colour: colour.unwrap_or(ColourCode { bt709: false, full_range: false }),
         })
     }
 
     /// Why the bundled decoder cannot read such a stream, if so.
     pub fn unsupported(&self) -> Option<String> {
         if self.chroma_format != 1 {
-            return Some(format!(
-                "chroma format {} of H.264 is not 4:2:0",
-                self.chroma_format
-            ));
+            return Some(format!("chroma format {} of H.264 is not 4:2:0", self.chroma_format));
         }
         if self.bit_depth != 8 {
             return Some(format!("its samples have {} bits, not 8", self.bit_depth));
@@ -124,9 +102,7 @@ pub(super) fn push_sample(stream: &mut Vec<u8>, mut sample: &[u8], length_size: 
         let Some((prefix, rest)) = sample.split_at_checked(length_size) else {
             return false;
         };
-        let length = prefix
-            .iter()
-            .fold(0, |length, &byte| length << 8 | usize::from(byte));
+        let length = prefix.iter().fold(0, |length, &byte| length << 8 | usize::from(byte));
         let Some((nal, rest)) = rest.split_at_checked(length) else {
             return false;
         };
@@ -248,9 +224,6 @@ impl Bits<'_> {
         self.take(3)?; // video_format
         let full_range = self.flag()?;
         let matrix = if self.flag()? { self.take(24)? & 0xff } else { 2 };
-        Some(Some(ColourCode {
-            bt709: matrix == 1,
-            full_range,
-        }))
+        Some(Some(ColourCode { bt709: matrix == 1, full_range }))
     }
 }

@@ -19,7 +19,7 @@ use ffmpeg::FfmpegPipe;
 use folder::ImageFolder;
 use mp4::Mp4Video;
 
-pub use folder::natural_order;
+pub use folder::{MaskFolder, natural_order, read_image};
 pub use prefetch::Prefetch;
 
 /// One colour picture: 8-bit RGB, row by row from the top, [height][width][3].
@@ -76,9 +76,7 @@ pub fn open_frames(path: &Path) -> anyhow::Result<Box<dyn FrameSource>> {
         return Ok(Box::new(ImageFolder::open(path)?));
     }
     if !is_mp4(path)? {
-        return Ok(Box::new(
-            FfmpegPipe::open(path).context("not an MP4 file, so ffmpeg must decode it")?,
-        ));
+        return Ok(Box::new(FfmpegPipe::open(path).context("not an MP4 file, so ffmpeg must decode it")?));
     }
     match Mp4Video::open(path)? {
         mp4::Opened::Video(video) => Ok(video),

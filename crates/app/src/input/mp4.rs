@@ -206,11 +206,7 @@ fn read_index(file: &mut BufReader<File>) -> anyhow::Result<re_mp4::Mp4> {
 fn mean_rate(track: &re_mp4::Track) -> Option<f64> {
     let times = track.samples.iter().map(|sample| sample.composition_timestamp);
     let (first, last) = (times.clone().min()?, times.max()?);
-    let ticks = if track.samples.len() > 1 {
-        last - first
-    } else {
-        i64::try_from(track.duration).ok()?
-    };
+    let ticks = if track.samples.len() > 1 { last - first } else { i64::try_from(track.duration).ok()? };
     let intervals = (track.samples.len() - 1).max(1) as f64;
     (ticks > 0 && track.timescale > 0).then(|| intervals * track.timescale as f64 / ticks as f64)
 }
@@ -228,12 +224,7 @@ impl Rotation {
     /// From the matrix of the track header; anything but a quarter turn is left alone.
     fn from_track(track: &re_mp4::TkhdBox) -> Self {
         let matrix = &track.matrix;
-        match [
-            matrix.a.signum(),
-            matrix.b.signum(),
-            matrix.c.signum(),
-            matrix.d.signum(),
-        ] {
+        match [matrix.a.signum(), matrix.b.signum(), matrix.c.signum(), matrix.d.signum()] {
             [0, 1, -1, 0] => Self::Quarter,
             [-1, 0, 0, -1] => Self::Half,
             [0, -1, 1, 0] => Self::ThreeQuarters,

@@ -20,15 +20,8 @@ impl Prefetch {
         let (to_reader, frames) = sync_channel(depth);
         let (spares, from_reader) = channel();
         let info = source.info().clone();
-        let worker = Some(thread::spawn(move || {
-            read_ahead(source, &to_reader, &from_reader)
-        }));
-        Self {
-            info,
-            frames: Some(frames),
-            spares,
-            worker,
-        }
+        let worker = Some(thread::spawn(move || read_ahead(source, &to_reader, &from_reader)));
+        Self { info, frames: Some(frames), spares, worker }
     }
 }
 

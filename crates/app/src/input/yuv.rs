@@ -34,17 +34,10 @@ struct Coefficients {
 impl Coefficients {
     fn new(code: ColourCode) -> Self {
         // ITU-R BT.601-7 and BT.709-6: weights of red and blue in luma.
-        let (k_red, k_blue) = if code.bt709 {
-            (0.2126, 0.0722)
-        } else {
-            (0.299, 0.114)
-        };
+        let (k_red, k_blue) = if code.bt709 { (0.2126, 0.0722) } else { (0.299, 0.114) };
         let k_green = 1.0 - k_red - k_blue;
-        let (luma_offset, luma_gain, chroma_gain) = if code.full_range {
-            (0, 1.0, 1.0)
-        } else {
-            (16, 255.0 / 219.0, 255.0 / 224.0)
-        };
+        let (luma_offset, luma_gain, chroma_gain) =
+            if code.full_range { (0, 1.0, 1.0) } else { (16, 255.0 / 219.0, 255.0 / 224.0) };
         let fixed = |value: f64| (value * 65536.0).round() as i32;
         Self {
             luma_offset,
@@ -106,14 +99,8 @@ mod tests {
     #[test]
     fn colour_bars_of_the_standards() {
         let near = |a: [u8; 3], b: [u8; 3]| a.iter().zip(&b).all(|(a, b)| a.abs_diff(*b) <= 2);
-        let bt601 = ColourCode {
-            bt709: false,
-            full_range: false,
-        };
-        let bt709 = ColourCode {
-            bt709: true,
-            full_range: false,
-        };
+        let bt601 = ColourCode { bt709: false, full_range: false };
+        let bt709 = ColourCode { bt709: true, full_range: false };
         let bars = [
             ([235, 128, 128], [235, 128, 128], [255, 255, 255]),
             ([81, 90, 240], [63, 102, 240], [255, 0, 0]),
@@ -125,14 +112,8 @@ mod tests {
             assert!(near(pixel(bt601, yuv601), rgb), "{:?}", pixel(bt601, yuv601));
             assert!(near(pixel(bt709, yuv709), rgb), "{:?}", pixel(bt709, yuv709));
         }
-        assert!(
-            !near(pixel(bt601, [63, 102, 240]), [255, 0, 0]),
-            "the two codes differ"
-        );
-        let full = ColourCode {
-            bt709: false,
-            full_range: true,
-        };
+        assert!(!near(pixel(bt601, [63, 102, 240]), [255, 0, 0]), "the two codes differ");
+        let full = ColourCode { bt709: false, full_range: true };
         assert_eq!(pixel(full, [200, 128, 128]), [200, 200, 200]);
     }
 }
