@@ -1,20 +1,12 @@
-//! The body model's file: magic, version, length, postcard data, checksum.
-//!
-//! | bytes | content |
-//! |---|---|
-//! | 8 | `UMBRABDY` |
-//! | 4 | version, little endian |
-//! | 4 | length of the data, little endian |
-//! | length | [`BodyFile`] in postcard |
-//! | 4 | CRC-32 of the data, little endian |
+//! The body model's file: [`BodyFile`] in postcard inside a [`container`](crate::container).
 
 use serde::{Deserialize, Serialize};
 
-const MAGIC: &[u8; 8] = b"UMBRABDY";
+use crate::container::{self, ContainerError};
+
+const MAGIC: &str = "UMBRABDY";
 /// Version of the file that this build reads and writes.
 pub const VERSION: u32 = 1;
-const HEADER_LEN: usize = 16;
-const CHECKSUM_LEN: usize = 4;
 
 /// What the file of a body model holds. Points are flat, x y z after one another, metres, body frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -73,31 +65,9 @@ pub struct StatureLineFile {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LoadBodyModelError {
-    /// Some other file.
-    #[error("not a body model: it does not begin with `UMBRABDY`")]
-    Magic,
-    /// Made for another version of this crate.
-    #[error("`version` is {found}, expected {VERSION}")]
-    Version {
-        /// Version in the file.
-        found: u32,
-    },
-    /// Cut short, or with something behind its end.
-    #[error("the file has {found} bytes, expected {expected}")]
-    Length {
-        /// Bytes there are.
-        found: usize,
-        /// Bytes there should be.
-        expected: usize,
-    },
-    /// Damaged on the way.
-    #[error("`checksum` is {stored:08x}, but that of the data is {computed:08x}")]
-    Checksum {
-        /// In the file.
-        stored: u32,
-        /// Of the data.
-        computed: u32,
-    },
+    /// Another kind or version of file, cut short, or damaged.
+    #[error(transparent)]
+    Container(#[from] ContainerError),
     /// The checksum fits but the data do not decode.
     #[error("cannot decode the data")]
     Decode(#[source] postcard::Error),
@@ -146,10 +116,7 @@ pub enum LoadBodyModelError {
 impl BodyFile {
     /// The bytes of the file.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let data = postcard::to_stdvec(self).expect("writing to memory cannot fail");
-        let length = u32::try_from(data.len()).expect("a body model is a few megabytes");
-        let checksum = crc32fast::hash(&data).to_le_bytes();
-        [&MAGIC[..], &VERSION.to_le_bytes(), &length.to_le_bytes(), &data, &checksum].concat()
+        container::seal(MAGIC, VERSION, &postcard::to_stdvec(self).expect("writing to memory cannot fail"))
     }
 
     /// Undoes [`BodyFile::to_bytes`]; whether the arrays fit each other is for [`BodyModel`](crate::BodyModel) to say.
@@ -157,25 +124,6 @@ impl BodyFile {
     /// # Errors
     /// On another kind or version of file, a wrong length, a wrong checksum.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, LoadBodyModelError> {
-        if bytes.get(..8) != Some(MAGIC) {
-            return Err(LoadBodyModelError::Magic);
-        }
-        let number_at = |at: usize| {
-            let bytes = bytes.get(at..at + 4).ok_or(LoadBodyModelError::Length { found: bytes.len(), expected: HEADER_LEN });
-            bytes.map(|bytes| u32::from_le_bytes(bytes.try_into().expect("four bytes")))
-        };
-        match number_at(8)? {
-            VERSION => {}
-            found => return Err(LoadBodyModelError::Version { found }),
-        }
-        let end = HEADER_LEN + number_at(12)? as usize;
-        if bytes.len() != end + CHECKSUM_LEN {
-            return Err(LoadBodyModelError::Length { found: bytes.len(), expected: end + CHECKSUM_LEN });
-        }
-        let (stored, computed) = (number_at(end)?, crc32fast::hash(&bytes[HEADER_LEN..end]));
-        if stored != computed {
-            return Err(LoadBodyModelError::Checksum { stored, computed });
-        }
-        postcard::from_bytes(&bytes[HEADER_LEN..end]).map_err(LoadBodyModelError::Decode)
+        postcard::from_bytes(container::open(MAGIC, VERSION, bytes)?).map_err(LoadBodyModelError::Decode)
     }
 }

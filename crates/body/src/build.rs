@@ -18,8 +18,10 @@ mod half;
 mod pockets;
 mod shape_space;
 mod surface_fit;
+#[cfg(test)]
+mod tests;
 
-use half::HalfMesh;
+use half::{HalfMesh, MeanBody};
 use shape_space::ShapeSpace;
 pub use surface_fit::SurfaceFit;
 
@@ -85,17 +87,22 @@ pub enum BuildError {
 /// # Errors
 /// When the population is too small or its mesh is not symmetric.
 pub fn build_body_asset(data: &BodiesData, config: &BuildConfig) -> Result<BodyFile, BuildError> {
-    let half = HalfMesh::left_of(data)?;
-    let half = decimate::decimate(half, &decimate::Importance::of(data)?, config.n_vertices)?;
-    let template = half.with_mirror_image();
-    let fit = SurfaceFit::new(data, &template.sources, &template.triangles);
+    let body = MeanBody::of(data)?;
+    let half =
+        decimate::decimate(HalfMesh::left_of(&body), &decimate::Importance::of(data)?, config.n_vertices)?;
+    let template = half.with_mirror_image(&body);
+    let fit = SurfaceFit::of(&body, &template.sources, &template.triangles);
     let heels = heel_vertices(data)?;
     let space = ShapeSpace::of(data, &fit, heels, config.n_components)?;
     let mean = &space.mean_vertices;
     let tree = TriangleTree::new(mean, &template.triangles);
     let landmark = |(name, vertex): &(String, u32)| {
         let nearest = tree.nearest(data.mean[*vertex as usize]);
-        LandmarkFile { name: name.clone(), triangle: nearest.triangle, barycentric: nearest.barycentric.map(|w| w as f32) }
+        LandmarkFile {
+            name: name.clone(),
+            triangle: nearest.triangle,
+            barycentric: nearest.barycentric.map(|w| w as f32),
+        }
     };
     let skin: Vec<Vec<(u8, f32)>> = (0..mean.len()).map(|vertex| skin_of(data, &template, vertex)).collect();
     Ok(BodyFile {
@@ -160,5 +167,8 @@ fn heel_vertices(data: &BodiesData) -> Result<[u32; 2], BuildError> {
         let vertices = (0..data.mean.len() as u32).filter(|&vertex| data.parts[vertex as usize] == foot);
         Ok(vertices.min_by(|a, b| distance(a).total_cmp(&distance(b))).expect("the landmark is one of them"))
     };
-    Ok([heel("Lt Calcaneous, Post.", JointId::LEFT_ANKLE)?, heel("Rt Calcaneous, Post.", JointId::RIGHT_ANKLE)?])
+    Ok([
+        heel("Lt Calcaneous, Post.", JointId::LEFT_ANKLE)?,
+        heel("Rt Calcaneous, Post.", JointId::RIGHT_ANKLE)?,
+    ])
 }

@@ -8,8 +8,9 @@
 //! `f64` for poses, `f32` for vertices.
 //! # Map
 //! [`skeleton`] joints, degrees of freedom, limits · [`pose`] angles and forward kinematics · [`model`] template and shape
-//! space, bodies · [`skin`] posed vertices · [`camera`] · [`ik`] · [`mocap`] recorded motion · [`io`] files · [`mesh`] nearest points, crossings ·
-//! [`build`] makes the model from a population, [`asset`] its file
+//! space, bodies · [`skin`] posed vertices · [`camera`] · [`ik`] · [`mocap`] recorded motion · [`retarget`] its
+//! poses on our skeleton · [`pose_prior`] what they say of poses and steps · [`io`] files · [`mesh`] nearest points,
+//! crossings · [`build`] makes model and prior from data, [`asset`] and [`container`] their files
 //! # References
 //! The keys in brackets, such as `[NorkinWhite2016]`, are listed in `docs/papers.md`.
 
@@ -17,6 +18,7 @@ pub mod asset;
 pub mod build;
 pub mod camera;
 mod camera_lens;
+pub mod container;
 pub mod ik;
 pub mod io;
 pub mod mesh;
@@ -32,3 +34,7 @@ pub use camera::{Camera, Intrinsics};
 pub use model::{Body, BodyModel, Sex};
 pub use pose::{JointTransforms, Pose, RestJoints};
 pub use skeleton::{Dof, Joint, JointId, N_DOF, N_JOINTS, Skeleton};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -39,7 +39,9 @@ pub fn is_closed(triangles: &[[u32; 3]]) -> bool {
         }
     }
     triangles.iter().all(|&[a, b, c]| {
-        [(a, b), (b, c), (c, a)].iter().all(|&(from, to)| uses[&(from, to)] == 1 && uses.get(&(to, from)) == Some(&1))
+        [(a, b), (b, c), (c, a)]
+            .iter()
+            .all(|&(from, to)| uses[&(from, to)] == 1 && uses.get(&(to, from)) == Some(&1))
     })
 }
 

@@ -10,6 +10,8 @@ use crate::skeleton::{JointId, N_JOINTS};
 use crate::skin::WeightedRest;
 
 mod check;
+#[cfg(test)]
+mod tests;
 
 /// Joints that move a vertex, at most.
 pub const MAX_INFLUENCES: usize = 6;
@@ -106,7 +108,9 @@ impl BodyModel {
         let influences = file.influence_counts.iter().map(|&count| {
             let (own, others) = rest.split_at(count.into());
             rest = others;
-            own.iter().map(|&(joint, weight)| (JointId::from_index(joint.into()).expect("checked"), weight)).collect()
+            own.iter()
+                .map(|&(joint, weight)| (JointId::from_index(joint.into()).expect("checked"), weight))
+                .collect()
         });
         let influences = influences.collect();
         let triangles: Vec<[u32; 3]> = file.triangles.iter().map(|t| t.map(u32::from)).collect();
@@ -190,6 +194,27 @@ impl BodyModel {
         Body::new(Arc::clone(&self.template), vertices, joints)
     }
 
+    /// The coefficients of the body nearest to these rest vertices (least squares; the components are orthogonal),
+    /// standard deviations, [n_components]. It must stand as the mean does, soles at y = 0.
+    ///
+    /// # Panics
+    /// When there are more or fewer vertices than the model has.
+    pub fn coefficients_of(&self, rest_vertices: &[DVec3]) -> Vec<f64> {
+        let (found, expected) = (rest_vertices.len(), self.n_vertices());
+        assert_eq!(found, expected, "{found} vertices for a model of {expected}");
+        let wide = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
+        let coefficient = |direction: &Vec<[f32; 3]>| {
+            let (mut along, mut square) = (0.0, 0.0);
+            for ((vertex, mean), step) in rest_vertices.iter().zip(&self.mean_vertices).zip(direction) {
+                let step = wide(step);
+                along += step.dot(*vertex - wide(mean));
+                square += step.length_squared();
+            }
+            along / square
+        };
+        self.vertex_basis.iter().map(coefficient).collect()
+    }
+
     /// The most probable coefficients of a person of this stature: the conditional mean of the Gaussian shape space
     /// given stature and, where it is known, sex; standard deviations, [n_components].
     pub fn coefficients_for_stature(&self, stature_m: f64, sex: Option<Sex>) -> Vec<f64> {
@@ -267,7 +292,8 @@ impl Body {
     /// Height of the surface at rest.
     pub fn stature_m(&self) -> f64 {
         let heights = self.rest_vertices.iter().map(|vertex| f64::from(vertex[1]));
-        let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), y| (low.min(y), high.max(y)));
+        let (low, high) =
+            heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), y| (low.min(y), high.max(y)));
         high - low
     }
 
@@ -275,7 +301,8 @@ impl Body {
     pub fn landmark(&self, name: &str) -> Option<DVec3> {
         let landmark = self.template.landmarks.iter().find(|landmark| landmark.name == name)?;
         let corners = landmark.vertices.iter().zip(landmark.barycentric);
-        let terms = corners.map(|(&v, w)| DVec3::from_array(self.rest_vertices[v as usize].map(f64::from)) * f64::from(w));
+        let terms = corners
+            .map(|(&v, w)| DVec3::from_array(self.rest_vertices[v as usize].map(f64::from)) * f64::from(w));
         Some(terms.sum())
     }
 }

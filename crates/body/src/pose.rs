@@ -31,11 +31,7 @@ impl Pose {
     pub fn upright(root_position: DVec3, heading_rad: f64) -> Self {
         let facing_minus_y = DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
         let turn = DQuat::from_rotation_z(heading_rad + std::f64::consts::FRAC_PI_2);
-        Self {
-            root_position,
-            root_orientation: turn * facing_minus_y,
-            angles: vec![0.0; N_DOF],
-        }
+        Self { root_position, root_orientation: turn * facing_minus_y, angles: vec![0.0; N_DOF] }
     }
 
     /// The direction the pelvis faces as an angle in the floor plane, radians; undoes [`Pose::upright`].
@@ -70,9 +66,7 @@ impl Pose {
 pub fn joint_rotation(skeleton: &Skeleton, joint: JointId, angles: &[f64]) -> DQuat {
     let range = skeleton.joint(joint).dofs.clone();
     let turns = skeleton.dofs()[range.clone()].iter().zip(&angles[range]);
-    turns.fold(DQuat::IDENTITY, |rotation, (dof, &angle)| {
-        rotation * DQuat::from_axis_angle(dof.axis, angle)
-    })
+    turns.fold(DQuat::IDENTITY, |rotation, (dof, &angle)| rotation * DQuat::from_axis_angle(dof.axis, angle))
 }
 
 /// Forward kinematics: the frames of all joints of a person with joints `rest` in `pose`.

@@ -64,19 +64,12 @@ joints! {
 impl JointId {
     /// The joint at `index`, if there are so many.
     pub const fn from_index(index: usize) -> Option<Self> {
-        if index < N_JOINTS {
-            Some(Self(index as u8))
-        } else {
-            None
-        }
+        if index < N_JOINTS { Some(Self(index as u8)) } else { None }
     }
 
     /// The joint called `name`, as in `left_knee`.
     pub fn from_name(name: &str) -> Option<Self> {
-        JOINTS
-            .iter()
-            .position(|&(known, _)| known == name)
-            .and_then(Self::from_index)
+        JOINTS.iter().position(|&(known, _)| known == name).and_then(Self::from_index)
     }
 
     /// All joints, parents first.
@@ -169,10 +162,7 @@ impl Skeleton {
                 .map(|id| {
                     let first = dofs.iter().position(|dof| dof.joint == id).unwrap_or(0);
                     let count = dofs.iter().filter(|dof| dof.joint == id).count();
-                    Joint {
-                        id,
-                        dofs: first..first + count,
-                    }
+                    Joint { id, dofs: first..first + count }
                 })
                 .collect();
             Skeleton { joints, dofs }

@@ -30,14 +30,24 @@ struct Term {
 }
 
 /// Rows of [rotation | translation] of every joint, a pose in each lane.
-type JointLanes = [[f32x8; 12]; N_JOINTS];
+type JointLanes = [[Lanes; 12]; N_JOINTS];
+
+/// Aligned so that a load never straddles two cache lines.
+#[derive(Clone, Copy)]
+#[repr(align(32))]
+struct Lanes([f32; LANES]);
 
 impl WeightedRest {
-    pub(crate) fn new(influences: &[Vec<(JointId, f32)>], vertices: &[[f32; 3]], joints: &RestJoints) -> Self {
+    pub(crate) fn new(
+        influences: &[Vec<(JointId, f32)>],
+        vertices: &[[f32; 3]],
+        joints: &RestJoints,
+    ) -> Self {
         let (mut ends, mut terms) = (Vec::with_capacity(vertices.len()), Vec::new());
         for (influences, vertex) in influences.iter().zip(vertices) {
             for &(joint, weight) in influences {
-                let offset = (DVec3::from_array(vertex.map(f64::from)) - joints[joint.index()]) * f64::from(weight);
+                let offset =
+                    (DVec3::from_array(vertex.map(f64::from)) - joints[joint.index()]) * f64::from(weight);
                 let [x, y, z] = offset.to_array().map(|x| x as f32);
                 terms.push(Term { position: [x, y, z, weight], joint: joint.index() as u32 });
             }
@@ -50,17 +60,22 @@ impl WeightedRest {
     fn skin(&self, lanes: &JointLanes, meshes: &mut [&mut [[f32; 3]]]) {
         let mut start = 0;
         for (vertex, &end) in self.ends.iter().enumerate() {
-            let mut sum = [f32x8::ZERO; 3];
+            // Plain locals: arrays of lanes, mapped, are not kept in registers.
+            let (mut x, mut y, mut z) = (f32x8::ZERO, f32x8::ZERO, f32x8::ZERO);
             for term in &self.terms[start..end as usize] {
+                let [px, py, pz, w] = term.position;
+                let (px, py, pz, w) = (f32x8::splat(px), f32x8::splat(py), f32x8::splat(pz), f32x8::splat(w));
                 let matrix = &lanes[term.joint as usize];
-                let [x, y, z, w] = term.position.map(f32x8::splat);
-                for (row, sum) in sum.iter_mut().enumerate() {
-                    let row = &matrix[4 * row..4 * row + 4];
-                    *sum += row[0] * x + row[1] * y + row[2] * z + row[3] * w;
-                }
+                let row = |first: usize| {
+                    let at = |column: usize| f32x8::from(matrix[first + column].0);
+                    at(0) * px + at(1) * py + at(2) * pz + at(3) * w
+                };
+                x += row(0);
+                y += row(4);
+                z += row(8);
             }
             start = end as usize;
-            let [x, y, z] = sum.map(f32x8::to_array);
+            let (x, y, z) = (x.to_array(), y.to_array(), z.to_array());
             for (lane, mesh) in meshes.iter_mut().enumerate() {
                 mesh[vertex] = [x[lane], y[lane], z[lane]];
             }
@@ -121,19 +136,19 @@ impl Body {
     }
 
     fn joint_lanes(&self, target_from_world: &DAffine3, poses: &[Pose]) -> JointLanes {
-        let mut values = [[[0f32; LANES]; 12]; N_JOINTS];
+        let mut lanes: JointLanes = [[Lanes([0.0; LANES]); 12]; N_JOINTS];
         for (lane, pose) in poses.iter().enumerate() {
-            for (values, world_from_joint) in values.iter_mut().zip(self.world_from_joints(pose)) {
+            for (matrix, world_from_joint) in lanes.iter_mut().zip(self.world_from_joints(pose)) {
                 let frame = *target_from_world * world_from_joint;
                 let columns = frame.matrix3.to_cols_array_2d();
                 for row in 0..3 {
                     for column in 0..3 {
-                        values[4 * row + column][lane] = columns[column][row] as f32;
+                        matrix[4 * row + column].0[lane] = columns[column][row] as f32;
                     }
-                    values[4 * row + 3][lane] = frame.translation[row] as f32;
+                    matrix[4 * row + 3].0[lane] = frame.translation[row] as f32;
                 }
             }
         }
-        values.map(|matrix| matrix.map(f32x8::from))
+        lanes
     }
 }

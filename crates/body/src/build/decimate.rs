@@ -20,10 +20,11 @@ const EVENNESS: f64 = 3e-3;
 const LEAST_TURN_COSINE: f64 = 0.3;
 /// Twice the area over the sum of the squared edges, at least; 0.577 in an equilateral triangle.
 const LEAST_ROUNDNESS: f64 = 0.12;
-/// Neighbours of a vertex, at most.
+/// Neighbours of a vertex, at least and at most.
+const LEAST_NEIGHBOURS: usize = 3;
 const MOST_NEIGHBOURS: usize = 10;
 /// Factor of errors where the skin belongs to several joints.
-const JOINT_IMPORTANCE: f64 = 6.0;
+const JOINT_IMPORTANCE: f64 = 4.0;
 
 /// How much errors count at each vertex of the whole mesh.
 pub(super) struct Importance(Vec<f64>);
@@ -31,9 +32,9 @@ pub(super) struct Importance(Vec<f64>);
 impl Importance {
     pub fn of(data: &BodiesData) -> Result<Self, BuildError> {
         let mut of_part = vec![1.0; data.part_names.len()];
-        for (name, factor) in [
-            ("head", 0.25), ("left_hand", 1.0), ("right_hand", 1.0), ("left_foot", 0.7), ("right_foot", 0.7),
-        ] {
+        for (name, factor) in
+            [("head", 1.0), ("left_hand", 1.0), ("right_hand", 1.0), ("left_foot", 0.7), ("right_foot", 0.7)]
+        {
             of_part[part(data, name)? as usize] = factor;
         }
         let vertex = |(influences, &part): (&Vec<_>, &u8)| {
@@ -52,7 +53,11 @@ pub(super) fn part(data: &BodiesData, name: &'static str) -> Result<u8, BuildErr
 }
 
 /// Collapses edges until half and mirror image together have at most `n_vertices`.
-pub(super) fn decimate(half: HalfMesh, importance: &Importance, n_vertices: usize) -> Result<HalfMesh, BuildError> {
+pub(super) fn decimate(
+    half: HalfMesh,
+    importance: &Importance,
+    n_vertices: usize,
+) -> Result<HalfMesh, BuildError> {
     let mut mesh = Collapsing::new(half, importance);
     while mesh.whole_count() > n_vertices || mesh.is_any_hidden() {
         if !mesh.collapse_cheapest() {
@@ -121,8 +126,11 @@ impl Collapsing {
             let points = corners(&mesh.half.vertices, *triangle);
             let normal = area_normal(points);
             let mean_importance = triangle.iter().map(|&v| mesh.importance[v as usize]).sum::<f64>() / 3.0;
-            let quadric =
-                Quadric::of_plane(normal.normalize_or_zero(), points[0], normal.length() / 6.0 * mean_importance);
+            let quadric = Quadric::of_plane(
+                normal.normalize_or_zero(),
+                points[0],
+                normal.length() / 6.0 * mean_importance,
+            );
             triangle.iter().for_each(|&vertex| mesh.quadrics[vertex as usize].add(&quadric));
         }
         (0..n as u32).for_each(|vertex| mesh.enqueue(vertex));
@@ -135,7 +143,8 @@ impl Collapsing {
 
     fn neighbours(&self, vertex: u32) -> Vec<u32> {
         let triangles = self.around[vertex as usize].iter();
-        let mut found: Vec<u32> = triangles.flat_map(|&t| self.half.triangles[t as usize]).filter(|&v| v != vertex).collect();
+        let mut found: Vec<u32> =
+            triangles.flat_map(|&t| self.half.triangles[t as usize]).filter(|&v| v != vertex).collect();
         found.sort_unstable();
         found.dedup();
         found
@@ -147,7 +156,10 @@ impl Collapsing {
     }
 
     fn is_any_hidden(&self) -> bool {
-        self.around.iter().zip(&self.half.is_hidden).any(|(around, &is_hidden)| is_hidden && !around.is_empty())
+        self.around
+            .iter()
+            .zip(&self.half.is_hidden)
+            .any(|(around, &is_hidden)| is_hidden && !around.is_empty())
     }
 
     /// Puts all edges at `vertex` into the queue, in both directions.
@@ -191,7 +203,8 @@ impl Collapsing {
         }
         let (near_from, near_onto) = (self.neighbours(from), self.neighbours(onto));
         let common = near_from.iter().filter(|&v| near_onto.contains(v)).count();
-        let shared = self.around[from as usize].iter().filter(|t| self.around[onto as usize].contains(t)).count();
+        let shared =
+            self.around[from as usize].iter().filter(|t| self.around[onto as usize].contains(t)).count();
         if common != shared || shared == 0 {
             return false; // the link condition
         }
@@ -205,11 +218,17 @@ impl Collapsing {
         if !on_midline(from) && on_midline(onto) && near_from.iter().any(joins_midline) {
             return false;
         }
+        let keeps_three = |v: &u32| !near_onto.contains(v) || self.neighbours(*v).len() > LEAST_NEIGHBOURS;
+        if !near_from.iter().all(keeps_three) {
+            return false;
+        }
         if is_hidden {
             return true;
         }
-        let valence = near_from.iter().filter(|&&v| v != onto && !near_onto.contains(&v)).count() + near_onto.len() - 1;
-        valence <= MOST_NEIGHBOURS && self.around[from as usize].iter().all(|&t| self.stays_upright(t, from, onto))
+        let valence =
+            near_from.iter().filter(|&&v| v != onto && !near_onto.contains(&v)).count() + near_onto.len() - 1;
+        (LEAST_NEIGHBOURS..=MOST_NEIGHBOURS).contains(&valence)
+            && self.around[from as usize].iter().all(|&t| self.stays_upright(t, from, onto))
     }
 
     fn stays_upright(&self, triangle: u32, from: u32, onto: u32) -> bool {
@@ -220,7 +239,8 @@ impl Collapsing {
         let [a, b, c] = corners(&self.half.vertices, before.map(|v| if v == from { onto } else { v }));
         let (old, new) = (area_normal(corners(&self.half.vertices, before)), area_normal([a, b, c]));
         let edges = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
-        old.dot(new) > LEAST_TURN_COSINE * old.length() * new.length() && new.length() > LEAST_ROUNDNESS * edges
+        old.dot(new) > LEAST_TURN_COSINE * old.length() * new.length()
+            && new.length() > LEAST_ROUNDNESS * edges
     }
 
     fn collapse(&mut self, from: u32, onto: u32) {
@@ -245,11 +265,14 @@ impl Collapsing {
     }
 
     fn compact(self) -> HalfMesh {
-        let kept: Vec<usize> = (0..self.around.len()).filter(|&vertex| !self.around[vertex].is_empty()).collect();
+        let kept: Vec<usize> =
+            (0..self.around.len()).filter(|&vertex| !self.around[vertex].is_empty()).collect();
         let mut triangles: Vec<u32> = self.around.concat();
         triangles.sort_unstable();
         triangles.dedup();
-        let place = |vertex: u32| kept.binary_search(&(vertex as usize)).expect("corners of triangles are kept") as u32;
+        let place = |vertex: u32| {
+            kept.binary_search(&(vertex as usize)).expect("corners of triangles are kept") as u32
+        };
         let half = self.half;
         HalfMesh {
             vertices: kept.iter().map(|&v| half.vertices[v]).collect(),
@@ -258,7 +281,6 @@ impl Collapsing {
             is_hidden: kept.iter().map(|&v| half.is_hidden[v]).collect(),
             parts: kept.iter().map(|&v| half.parts[v]).collect(),
             sources: kept.iter().map(|&v| half.sources[v]).collect(),
-            mirror_sources: kept.iter().map(|&v| half.mirror_sources[v]).collect(),
         }
     }
 }

@@ -13,22 +13,21 @@ const LEAST_SEEN: f64 = 0.12;
 /// Rays start this far above the surface, metres.
 const LIFT_M: f64 = 1e-4;
 
-/// For each of `vertices`, whether it belongs to the head and lies in a pocket.
-pub(super) fn hidden_vertices(data: &BodiesData, vertices: &[u32]) -> Result<Vec<bool>, BuildError> {
+/// Whether each vertex of the mean body belongs to the head and lies in a pocket.
+pub(super) fn hidden_vertices(data: &BodiesData, normals: &[DVec3]) -> Result<Vec<bool>, BuildError> {
     let head = super::decimate::part(data, "head")?;
     let tree = TriangleTree::new(&data.mean, &data.triangles);
-    let normals = vertex_normals(&data.mean, &data.triangles);
     let views: Vec<DVec3> = (0..N_VIEWS).map(view).collect();
-    let is_hidden = |&vertex: &u32| {
-        if data.parts[vertex as usize] != head {
+    let is_hidden = |vertex: usize| {
+        if data.parts[vertex] != head {
             return false;
         }
-        let (normal, point) = (normals[vertex as usize], data.mean[vertex as usize]);
+        let (normal, point) = (normals[vertex], data.mean[vertex]);
         let before: Vec<DVec3> = views.iter().copied().filter(|view| view.dot(normal) > 0.1).collect();
         let seen = before.iter().filter(|&&view| !tree.is_hit(point + normal * LIFT_M, view, 0.0)).count();
         (seen as f64) < LEAST_SEEN * before.len() as f64
     };
-    Ok(vertices.iter().map(is_hidden).collect())
+    Ok((0..data.mean.len()).map(is_hidden).collect())
 }
 
 /// Point `index` of a Fibonacci spiral on the unit sphere.

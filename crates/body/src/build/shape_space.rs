@@ -27,13 +27,22 @@ pub(super) struct StatureLine {
 }
 
 impl ShapeSpace {
-    pub fn of(data: &BodiesData, fit: &SurfaceFit, heels: [u32; 2], n_components: usize) -> Result<Self, BuildError> {
+    pub fn of(
+        data: &BodiesData,
+        fit: &SurfaceFit,
+        heels: [u32; 2],
+        n_components: usize,
+    ) -> Result<Self, BuildError> {
         let directions: Vec<Vec<DVec3>> = data.basis.iter().map(|direction| fit.apply(direction)).collect();
         let joints_of = |joints: &[DVec3], vertices: &[DVec3]| -> Vec<DVec3> {
             joints.iter().copied().chain(heels.map(|heel| vertices[heel as usize])).collect()
         };
-        let joint_directions: Vec<Vec<DVec3>> =
-            data.joint_basis.iter().zip(&data.basis).map(|(joints, vertices)| joints_of(joints, vertices)).collect();
+        let joint_directions: Vec<Vec<DVec3>> = data
+            .joint_basis
+            .iter()
+            .zip(&data.basis)
+            .map(|(joints, vertices)| joints_of(joints, vertices))
+            .collect();
 
         let (n_bodies, n_basis) = (data.coefficients.len(), data.basis.len());
         let coefficients = DMatrix::from_fn(n_bodies, n_basis, |body, k| data.coefficients[body][k]);
@@ -70,7 +79,8 @@ impl ShapeSpace {
         }
         let mean_steps = mean_coefficients.transpose();
         let mean_vertices = sum(&fit.apply(&data.mean), &blend(&directions, &mean_steps));
-        let mean_joints = sum(&joints_of(&data.mean_joints, &data.mean), &blend(&joint_directions, &mean_steps));
+        let mean_joints =
+            sum(&joints_of(&data.mean_joints, &data.mean), &blend(&joint_directions, &mean_steps));
         let statures = statures_m(&mean_vertices, &vertex_basis, &scores);
         let line = |is_in: &dyn Fn(usize) -> bool| StatureLine::of(&scores, &statures, is_in);
         Ok(Self {
@@ -87,10 +97,13 @@ impl ShapeSpace {
 impl StatureLine {
     fn of(scores: &[DVector<f64>], statures_m: &[f64], is_in: &dyn Fn(usize) -> bool) -> Self {
         let group: Vec<usize> = (0..statures_m.len()).filter(|&body| is_in(body)).collect();
-        let mean = |value: &dyn Fn(usize) -> f64| group.iter().map(|&body| value(body)).sum::<f64>() / group.len() as f64;
+        let mean = |value: &dyn Fn(usize) -> f64| {
+            group.iter().map(|&body| value(body)).sum::<f64>() / group.len() as f64
+        };
         let mean_stature_m = mean(&|body| statures_m[body]);
         let variance = mean(&|body| (statures_m[body] - mean_stature_m).powi(2));
-        let slope = |score: &DVector<f64>| mean(&|body| score[body] * (statures_m[body] - mean_stature_m)) / variance;
+        let slope =
+            |score: &DVector<f64>| mean(&|body| score[body] * (statures_m[body] - mean_stature_m)) / variance;
         Self {
             mean_stature_m,
             mean_scores: scores.iter().map(|score| mean(&|body| score[body])).collect(),
@@ -129,7 +142,8 @@ fn statures_m(mean: &[DVec3], basis: &[Vec<DVec3>], scores: &[DVector<f64>]) -> 
     };
     let stature = |body: usize| {
         let all = (0..mean.len()).map(|vertex| heights(body, vertex));
-        let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), y| (low.min(y), high.max(y)));
+        let (low, high) =
+            all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), y| (low.min(y), high.max(y)));
         high - low
     };
     (0..scores[0].len()).map(stature).collect()

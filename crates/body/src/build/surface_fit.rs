@@ -3,7 +3,8 @@
 use glam::DVec3;
 use nalgebra::{Cholesky, DMatrix, Dyn};
 
-use super::pockets::{hidden_vertices, vertex_normals};
+use super::BuildError;
+use super::half::MeanBody;
 use crate::io::bodies::BodiesData;
 use crate::mesh::{TriangleTree, area_normal, corners};
 
@@ -35,16 +36,27 @@ struct Tie {
 
 impl SurfaceFit {
     /// Ties the template with `triangles` over vertices that start at `sources` of the mean body to the population's mesh.
-    pub(super) fn new(data: &BodiesData, sources: &[u32], triangles: &[[u32; 3]]) -> Self {
-        let mut template: Vec<DVec3> = sources.iter().map(|&source| data.mean[source as usize]).collect();
+    ///
+    /// # Errors
+    /// When the mean body is not symmetric or has no part `head`.
+    ///
+    /// # Panics
+    /// When `sources` or `triangles` name a vertex that is not there, or `sources` hold no mirror image of one.
+    pub fn new(data: &BodiesData, sources: &[u32], triangles: &[[u32; 3]]) -> Result<Self, BuildError> {
+        Ok(Self::of(&MeanBody::of(data)?, sources, triangles))
+    }
+
+    pub(super) fn of(body: &MeanBody, sources: &[u32], triangles: &[[u32; 3]]) -> Self {
+        let mut template: Vec<DVec3> =
+            sources.iter().map(|&source| body.data.mean[source as usize]).collect();
         let laplacian = umbrella(sources.len(), triangles);
-        let areas = visible_areas(data);
+        let areas = visible_areas(body);
         let mean_area = areas.iter().sum::<f64>() / sources.len() as f64;
         let smoothness = laplacian.tr_mul(&laplacian) * (SMOOTHNESS * mean_area);
-        let normals = vertex_normals(&data.mean, &data.triangles);
+        let mirror: Vec<u32> = sources.iter().map(|&source| mirror_of(body, sources, source)).collect();
         let mut fit = None;
         for _ in 0..N_ROUNDS {
-            let ties = tie(data, &template, triangles, &areas, &normals);
+            let ties = tie(body, &template, triangles, &areas, &mirror);
             let mut matrix = smoothness.clone();
             for tie in &ties {
                 for (&i, bi) in tie.corners.iter().zip(tie.barycentric) {
@@ -56,7 +68,7 @@ impl SurfaceFit {
             // The smoothness alone leaves translations free; the ties hold them.
             let normal = Cholesky::new(matrix).expect("ties to a whole surface fix every vertex");
             let round = Self { sources: sources.to_vec(), ties, smoothness: smoothness.clone(), normal };
-            template = round.apply(&data.mean);
+            template = round.apply(&body.data.mean);
             fit = Some(round);
         }
         fit.expect("there is at least one round")
@@ -82,28 +94,49 @@ impl SurfaceFit {
     }
 }
 
-fn tie(data: &BodiesData, template: &[DVec3], triangles: &[[u32; 3]], areas: &[f64], normals: &[DVec3]) -> Vec<Tie> {
+/// Template vertex whose source is the counterpart of `source`.
+fn mirror_of(body: &MeanBody, sources: &[u32], source: u32) -> u32 {
+    let counterpart = body.counterparts[source as usize];
+    let place = sources.iter().position(|&other| other == counterpart);
+    place.expect("the template is the mirror image of itself") as u32
+}
+
+/// Ties of the left half and their mirror images: which triangle is nearest must not differ between the sides.
+fn tie(
+    body: &MeanBody,
+    template: &[DVec3],
+    triangles: &[[u32; 3]],
+    areas: &[f64],
+    mirror: &[u32],
+) -> Vec<Tie> {
     let tree = TriangleTree::new(template, triangles);
-    let tie_of = |vertex: usize| {
-        let nearest = tree.nearest(data.mean[vertex]);
-        let corners_of = triangles[nearest.triangle as usize];
-        let agree = area_normal(corners(template, corners_of)).normalize_or_zero().dot(normals[vertex]) > LEAST_COSINE;
-        let tie = || Tie { vertex: vertex as u32, area: areas[vertex], corners: corners_of, barycentric: nearest.barycentric };
-        (agree && areas[vertex] > 0.0).then(tie)
-    };
-    (0..data.mean.len()).filter_map(tie_of).collect()
+    let mut ties = Vec::new();
+    for vertex in (0..areas.len() as u32).filter(|&v| areas[v as usize] > 0.0) {
+        let side = if body.on_midline(vertex) { 0.5 } else { 1.0 };
+        if !body.is_left(vertex) && side == 1.0 {
+            continue;
+        }
+        let (normal, nearest) =
+            (body.normals[vertex as usize], tree.nearest(body.data.mean[vertex as usize]));
+        let own = triangles[nearest.triangle as usize];
+        if area_normal(corners(template, own)).normalize_or_zero().dot(normal) > LEAST_COSINE {
+            let (area, barycentric) = (side * areas[vertex as usize], nearest.barycentric);
+            let image = own.map(|corner| mirror[corner as usize]);
+            ties.push(Tie { vertex, area, corners: own, barycentric });
+            ties.push(Tie { vertex: body.counterparts[vertex as usize], area, corners: image, barycentric });
+        }
+    }
+    ties
 }
 
 /// A third of the area of the triangles around each vertex; 0 in pockets, which the template closes.
-fn visible_areas(data: &BodiesData) -> Vec<f64> {
-    let mut areas = vec![0.0; data.mean.len()];
-    for &triangle in &data.triangles {
-        let third = area_normal(corners(&data.mean, triangle)).length() / 6.0;
+fn visible_areas(body: &MeanBody) -> Vec<f64> {
+    let mut areas = vec![0.0; body.data.mean.len()];
+    for &triangle in &body.data.triangles {
+        let third = area_normal(corners(&body.data.mean, triangle)).length() / 6.0;
         triangle.iter().for_each(|&vertex| areas[vertex as usize] += third);
     }
-    let all: Vec<u32> = (0..data.mean.len() as u32).collect();
-    let hidden = hidden_vertices(data, &all).expect("the decimation has found the parts it needs");
-    areas.iter().zip(hidden).map(|(&area, is_hidden)| if is_hidden { 0.0 } else { area }).collect()
+    areas.iter().zip(&body.is_hidden).map(|(&area, &is_hidden)| if is_hidden { 0.0 } else { area }).collect()
 }
 
 /// Rows: a vertex minus the mean of its neighbours.

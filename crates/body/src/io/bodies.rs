@@ -6,6 +6,9 @@ use glam::DVec3;
 
 use crate::skeleton::{JointId, N_JOINTS};
 
+#[cfg(test)]
+mod tests;
+
 /// Joints that the folder holds: all but the heels, which are taken from the mesh.
 pub const N_POPULATION_JOINTS: usize = N_JOINTS - 2;
 
@@ -196,8 +199,12 @@ impl<T: npyz::Deserialize> Array<T> {
     }
 
     fn expect_shape(&self, shape: &[Option<usize>], expected: &'static str) -> Result<(), ReadBodiesError> {
-        let fits = |(&found, wanted): (&u64, &Option<usize>)| wanted.is_none_or(|wanted| wanted as u64 == found);
-        if self.shape.len() == shape.len() && self.shape.iter().zip(shape).all(fits) && !self.values.is_empty() {
+        let fits =
+            |(&found, wanted): (&u64, &Option<usize>)| wanted.is_none_or(|wanted| wanted as u64 == found);
+        if self.shape.len() == shape.len()
+            && self.shape.iter().zip(shape).all(fits)
+            && !self.values.is_empty()
+        {
             return Ok(());
         }
         Err(ReadBodiesError::Shape { path: self.path.clone(), found: self.shape.clone(), expected })
@@ -220,9 +227,11 @@ impl Array<f32> {
     fn expect_finite(&self) -> Result<(), ReadBodiesError> {
         match self.values.iter().position(|value| !value.is_finite()) {
             None => Ok(()),
-            Some(element) => {
-                Err(ReadBodiesError::NotFinite { path: self.path.clone(), element, value: self.values[element] })
-            }
+            Some(element) => Err(ReadBodiesError::NotFinite {
+                path: self.path.clone(),
+                element,
+                value: self.values[element],
+            }),
         }
     }
 }
@@ -249,7 +258,9 @@ fn read_skin(folder: &Path, n_vertices: usize) -> Result<Vec<Vec<(JointId, f32)>
     weights.expect_finite()?;
     let vertex = |(joints, weights): (&[u32], &[f32])| {
         let pairs = joints.iter().zip(weights).filter(|&(_, &weight)| weight > 0.0);
-        pairs.map(|(&joint, &weight)| (JointId::from_index(joint as usize).expect("checked above"), weight)).collect()
+        pairs
+            .map(|(&joint, &weight)| (JointId::from_index(joint as usize).expect("checked above"), weight))
+            .collect()
     };
     Ok(joints.values.chunks_exact(6).zip(weights.values.chunks_exact(6)).map(vertex).collect())
 }
@@ -279,7 +290,13 @@ fn read_sexes(path: &Path, n_bodies: usize) -> Result<Vec<bool>, ReadBodiesError
     sexes.into_iter().enumerate().map(is_female).collect()
 }
 
-fn field(path: &Path, row: usize, field: &'static str, value: String, expected: &'static str) -> ReadBodiesError {
+fn field(
+    path: &Path,
+    row: usize,
+    field: &'static str,
+    value: String,
+    expected: &'static str,
+) -> ReadBodiesError {
     ReadBodiesError::Field { path: path.into(), row: row + 1, field, value, expected }
 }
 

@@ -25,7 +25,8 @@ pub fn crossing_triangles(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Vec<[u3
         for other in tree.candidates(a.min(b).min(c), a.max(b).max(c)) {
             let neighbour = triangles[other as usize];
             let is_apart = !neighbour.iter().any(|vertex| triangle.contains(vertex));
-            if other as usize > index && is_apart && triangles_cross([a, b, c], corners(vertices, neighbour)) {
+            if other as usize > index && is_apart && triangles_cross([a, b, c], corners(vertices, neighbour))
+            {
                 pairs.push([index as u32, other]);
             }
         }

@@ -54,16 +54,24 @@ impl TriangleTree {
 
     fn split(&mut self, first: usize, count: usize) -> usize {
         let points = self.order[first..first + count].iter().flat_map(|&t| self.corners[t as usize]);
-        let (low, high) = points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
+        let (low, high) =
+            points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
         let index = self.nodes.len();
         self.nodes.push(Node { low, high, first, count, right: None });
         if count > LEAF {
             let size = high - low;
-            let axis = if size.x >= size.max_element() { 0 } else if size.y >= size.max_element() { 1 } else { 2 };
+            let axis = if size.x >= size.max_element() {
+                0
+            } else if size.y >= size.max_element() {
+                1
+            } else {
+                2
+            };
             let corners = &self.corners;
             let middle = |t: &u32| corners[*t as usize].iter().map(|p| p[axis]).sum::<f64>();
             let half = count / 2;
-            self.order[first..first + count].select_nth_unstable_by(half, |a, b| middle(a).total_cmp(&middle(b)));
+            self.order[first..first + count]
+                .select_nth_unstable_by(half, |a, b| middle(a).total_cmp(&middle(b)));
             self.split(first, half);
             self.nodes[index].right = Some(self.split(first + half, count - half));
         }
@@ -86,13 +94,19 @@ impl TriangleTree {
                         let barycentric = nearest_on_triangle(point, corners);
                         let found = weighted(corners, barycentric);
                         if found.distance(point) < best.distance_m {
-                            best = Nearest { triangle, barycentric, point: found, distance_m: found.distance(point) };
+                            best = Nearest {
+                                triangle,
+                                barycentric,
+                                point: found,
+                                distance_m: found.distance(point),
+                            };
                         }
                     }
                 }
                 Some(right) => {
                     let left = index + 1;
-                    let left_first = self.nodes[left].distance_to(point) < self.nodes[right].distance_to(point);
+                    let left_first =
+                        self.nodes[left].distance_to(point) < self.nodes[right].distance_to(point);
                     open.extend(if left_first { [right, left] } else { [left, right] });
                 }
             }
@@ -112,7 +126,9 @@ impl TriangleTree {
                 Some(right) => open.extend([index + 1, right]),
                 None => {
                     let leaf = &self.order[node.first..node.first + node.count];
-                    if leaf.iter().any(|&t| ray_hit(origin, direction, self.corners[t as usize]).is_some_and(|s| s > least)) {
+                    if leaf.iter().any(|&t| {
+                        ray_hit(origin, direction, self.corners[t as usize]).is_some_and(|s| s > least)
+                    }) {
                         return true;
                     }
                 }

@@ -8,7 +8,11 @@ pub(super) fn check(file: &BodyFile) -> Result<(), LoadBodyModelError> {
     let (n_vertices, n_components) = (file.parts.len(), file.variance_shares.len());
     for (field, found, expected) in [
         ("influence_counts", file.influence_counts.len(), n_vertices),
-        ("influences", file.influences.len(), file.influence_counts.iter().map(|&count| usize::from(count)).sum()),
+        (
+            "influences",
+            file.influences.len(),
+            file.influence_counts.iter().map(|&count| usize::from(count)).sum(),
+        ),
         ("mean_vertices", file.mean_vertices.len(), 3 * n_vertices),
         ("vertex_basis", file.vertex_basis.len(), 3 * n_vertices * n_components),
         ("mean_joints", file.mean_joints.len(), 3 * N_JOINTS),
@@ -28,11 +32,13 @@ pub(super) fn check(file: &BodyFile) -> Result<(), LoadBodyModelError> {
             }
         }
     }
-    let corners = file.triangles.iter().enumerate().flat_map(|(t, corners)| corners.map(|vertex| (t, vertex.into())));
+    let corners =
+        file.triangles.iter().enumerate().flat_map(|(t, corners)| corners.map(|vertex| (t, vertex.into())));
     all_below("triangles", corners, n_vertices)?;
     let parts = file.parts.iter().enumerate().map(|(vertex, &part)| (vertex, part.into()));
     all_below("parts", parts, file.part_names.len())?;
-    let landmarks = file.landmarks.iter().enumerate().map(|(index, landmark)| (index, landmark.triangle as usize));
+    let landmarks =
+        file.landmarks.iter().enumerate().map(|(index, landmark)| (index, landmark.triangle as usize));
     all_below("landmarks", landmarks, file.triangles.len())?;
     let joints = file.influences.iter().enumerate().map(|(index, &(joint, _))| (index, joint.into()));
     all_below("influences", joints, N_JOINTS)?;

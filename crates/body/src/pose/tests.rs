@@ -35,10 +35,7 @@ fn joint_at(pose: &Pose, joint: JointId) -> DVec3 {
 }
 
 fn assert_near(found: DVec3, expected: [f64; 3]) {
-    assert!(
-        found.distance(DVec3::from_array(expected)) < 1e-12,
-        "found {found}, expected {expected:?}"
-    );
+    assert!(found.distance(DVec3::from_array(expected)) < 1e-12, "found {found}, expected {expected:?}");
 }
 
 #[test]
@@ -85,12 +82,7 @@ fn three_turns_multiply_first_to_last() {
         product * DMat3::from_axis_angle(skeleton.dofs()[dof].axis, angles[dof])
     });
     let found = DMat3::from_quat(joint_rotation(skeleton, JointId::LEFT_SHOULDER, &angles));
-    assert!(
-        (found - by_matrices)
-            .to_cols_array()
-            .iter()
-            .all(|x| x.abs() < 1e-12)
-    );
+    assert!((found - by_matrices).to_cols_array().iter().all(|x| x.abs() < 1e-12));
 }
 
 proptest! {

@@ -44,10 +44,7 @@ fn trunk(flexion: [f64; 2], side: f64, turn: f64) -> [Row; 3] {
 }
 
 fn clavicle() -> [Row; 2] {
-    [
-        ("protraction", DVec3::NEG_Y, [-25.0, 35.0], 0.0),
-        ("elevation", DVec3::Z, [-10.0, 45.0], 0.0),
-    ]
+    [("protraction", DVec3::NEG_Y, [-25.0, 35.0], 0.0), ("elevation", DVec3::Z, [-10.0, 45.0], 0.0)]
 }
 
 fn shoulder() -> [Row; 3] {
@@ -66,24 +63,15 @@ fn shoulder() -> [Row; 3] {
 }
 
 fn elbow() -> [Row; 2] {
-    let (upper, fore) = (
-        rest::ELBOW - rest::SHOULDER,
-        (rest::WRIST - rest::ELBOW).normalize(),
-    );
+    let (upper, fore) = (rest::ELBOW - rest::SHOULDER, (rest::WRIST - rest::ELBOW).normalize());
     let bend = upper.angle_between(fore).to_degrees();
-    [
-        ("flexion", upper.cross(fore).normalize(), [-5.0, 155.0], bend),
-        ("pronation", fore, [-95.0, 95.0], 0.0),
-    ]
+    [("flexion", upper.cross(fore).normalize(), [-5.0, 155.0], bend), ("pronation", fore, [-95.0, 95.0], 0.0)]
 }
 
 fn wrist() -> [Row; 2] {
     let hand = (rest::FINGERTIP - rest::WRIST).normalize();
     let palm = hand.cross(rest::THUMBWARD).normalize();
-    [
-        ("flexion", hand.cross(palm), [-80.0, 85.0], 0.0),
-        ("radial_deviation", palm, [-40.0, 30.0], 0.0),
-    ]
+    [("flexion", hand.cross(palm), [-80.0, 85.0], 0.0), ("radial_deviation", palm, [-40.0, 30.0], 0.0)]
 }
 
 fn hip() -> [Row; 3] {
@@ -99,17 +87,11 @@ fn hip() -> [Row; 3] {
 fn knee() -> [Row; 2] {
     let (thigh, shank) = (rest::KNEE - rest::HIP, (rest::ANKLE - rest::KNEE).normalize());
     let bend = (thigh.z.atan2(-thigh.y) - shank.z.atan2(-shank.y)).to_degrees();
-    [
-        ("flexion", DVec3::X, [-8.0, 155.0], bend),
-        ("internal_rotation", shank, [-35.0, 35.0], 0.0),
-    ]
+    [("flexion", DVec3::X, [-8.0, 155.0], bend), ("internal_rotation", shank, [-35.0, 35.0], 0.0)]
 }
 
 fn ankle() -> [Row; 2] {
-    [
-        ("dorsiflexion", DVec3::NEG_X, [-60.0, 35.0], 0.0),
-        ("inversion", DVec3::NEG_Z, [-25.0, 40.0], 0.0),
-    ]
+    [("dorsiflexion", DVec3::NEG_X, [-60.0, 35.0], 0.0), ("inversion", DVec3::NEG_Z, [-25.0, 40.0], 0.0)]
 }
 
 fn ball() -> [Row; 1] {
@@ -122,31 +104,19 @@ pub(super) fn dofs() -> Vec<Dof> {
         .flat_map(|joint| {
             let is_right = joint.mirror() < joint;
             let left = if is_right { joint.mirror() } else { joint };
-            rows(left)
-                .into_iter()
-                .map(move |(movement, axis, limits_deg, rest_deg)| Dof {
-                    name: format!("{}_{movement}", joint.name()),
-                    joint,
-                    // A reflection in x turns the sense of rotations about y and z, not about x.
-                    axis: if is_right {
-                        DVec3::new(axis.x, -axis.y, -axis.z)
-                    } else {
-                        axis
-                    },
-                    limits_rad: limits_deg.map(|limit| (limit - rest_deg).to_radians()),
-                    mirror: 0,
-                    mirror_sign: if joint == joint.mirror() && axis.x == 0.0 {
-                        -1.0
-                    } else {
-                        1.0
-                    },
-                })
+            rows(left).into_iter().map(move |(movement, axis, limits_deg, rest_deg)| Dof {
+                name: format!("{}_{movement}", joint.name()),
+                joint,
+                // A reflection in x turns the sense of rotations about y and z, not about x.
+                axis: if is_right { DVec3::new(axis.x, -axis.y, -axis.z) } else { axis },
+                limits_rad: limits_deg.map(|limit| (limit - rest_deg).to_radians()),
+                mirror: 0,
+                mirror_sign: if joint == joint.mirror() && axis.x == 0.0 { -1.0 } else { 1.0 },
+            })
         })
         .collect();
     for index in 0..dofs.len() {
-        let (joint, first) = (dofs[index].joint, |id| {
-            dofs.iter().position(|dof| dof.joint == id)
-        });
+        let (joint, first) = (dofs[index].joint, |id| dofs.iter().position(|dof| dof.joint == id));
         let offset = index - first(joint).expect("the joint has the angle at hand");
         dofs[index].mirror = first(joint.mirror()).expect("both sides have the same angles") + offset;
     }

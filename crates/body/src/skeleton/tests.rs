@@ -5,12 +5,7 @@ fn has_49_angles_in_the_order_of_the_joints() {
     let skeleton = Skeleton::human();
     assert_eq!(skeleton.joints().len(), N_JOINTS);
     assert_eq!(skeleton.dofs().len(), N_DOF);
-    assert!(
-        skeleton
-            .dofs()
-            .windows(2)
-            .all(|pair| pair[0].joint <= pair[1].joint)
-    );
+    assert!(skeleton.dofs().windows(2).all(|pair| pair[0].joint <= pair[1].joint));
     let counts = |name| skeleton.joint(JointId::from_name(name).unwrap()).dofs.len();
     for (name, expected) in [
         ("lumbar", 3),
@@ -65,12 +60,7 @@ fn swap_side(name: &str) -> String {
 fn axes_are_unit_and_limits_hold_the_rest_pose() {
     for dof in Skeleton::human().dofs() {
         assert!((dof.axis.length() - 1.0).abs() < 1e-12, "{}", dof.name);
-        assert!(
-            dof.limits_rad[0] < 0.0 && 0.0 < dof.limits_rad[1],
-            "{} {:?}",
-            dof.name,
-            dof.limits_rad
-        );
+        assert!(dof.limits_rad[0] < 0.0 && 0.0 < dof.limits_rad[1], "{} {:?}", dof.name, dof.limits_rad);
         assert_eq!(dof.clamp(9.0), dof.limits_rad[1]);
     }
 }
@@ -81,11 +71,6 @@ fn axes_of_a_joint_are_independent_at_rest() {
     let skeleton = Skeleton::human();
     for joint in skeleton.joints().iter().filter(|joint| joint.dofs.len() == 3) {
         let [a, b, c] = [0, 1, 2].map(|k| skeleton.dofs()[joint.dofs.start + k].axis);
-        assert!(
-            a.cross(b).dot(c).abs() > 0.8,
-            "{} {}",
-            joint.id.name(),
-            a.cross(b).dot(c)
-        );
+        assert!(a.cross(b).dot(c).abs() > 0.8, "{} {}", joint.id.name(), a.cross(b).dot(c));
     }
 }

@@ -11,7 +11,8 @@ fn plain(body: &Body, target_from_world: &DAffine3, pose: &Pose) -> Vec<DVec3> {
     let carried = |(vertex, influences): (&[f32; 3], &Vec<(JointId, f32)>)| {
         let rest = DVec3::from_array(vertex.map(f64::from));
         let terms = influences.iter().map(|&(joint, weight)| {
-            let world_from_rest = frames[joint.index()] * DAffine3::from_translation(-body.rest_joints()[joint.index()]);
+            let world_from_rest =
+                frames[joint.index()] * DAffine3::from_translation(-body.rest_joints()[joint.index()]);
             target_from_world.transform_point3(world_from_rest.transform_point3(rest)) * f64::from(weight)
         });
         terms.sum::<DVec3>()
@@ -21,7 +22,8 @@ fn plain(body: &Body, target_from_world: &DAffine3, pose: &Pose) -> Vec<DVec3> {
 
 fn poses(angles: &[Vec<f64>]) -> Vec<Pose> {
     let pose = |angles: &Vec<f64>| {
-        let mut pose = Pose::upright(DVec3::new(angles[0], 2.0 * angles[1], 1.0 + angles[2]), 3.0 * angles[3]);
+        let mut pose =
+            Pose::upright(DVec3::new(angles[0], 2.0 * angles[1], 1.0 + angles[2]), 3.0 * angles[3]);
         pose.angles.clone_from(angles);
         pose
     };
@@ -67,7 +69,11 @@ proptest! {
 #[test]
 fn the_rest_pose_is_the_rest_mesh() {
     let body = BodyModel::builtin().mean();
-    let pose = Pose { root_position: body.rest_joints()[0], root_orientation: glam::DQuat::IDENTITY, angles: vec![0.0; N_DOF] };
+    let pose = Pose {
+        root_position: body.rest_joints()[0],
+        root_orientation: glam::DQuat::IDENTITY,
+        angles: vec![0.0; N_DOF],
+    };
     let mut vertices = vec![[0.0; 3]; body.n_vertices()];
     body.skin_into(&pose, &mut vertices);
     for (found, rest) in vertices.iter().flatten().zip(body.rest_vertices().iter().flatten()) {
