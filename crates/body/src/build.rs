@@ -16,6 +16,7 @@ use crate::skeleton::{JointId, N_JOINTS};
 mod decimate;
 mod half;
 mod pockets;
+pub mod prior;
 mod shape_space;
 mod surface_fit;
 #[cfg(test)]

@@ -25,6 +25,8 @@ pub mod mesh;
 pub mod mocap;
 pub mod model;
 pub mod pose;
+pub mod pose_prior;
+pub mod retarget;
 pub mod skeleton;
 pub mod skin;
 #[cfg(test)]
@@ -34,7 +36,3 @@ pub use camera::{Camera, Intrinsics};
 pub use model::{Body, BodyModel, Sex};
 pub use pose::{JointTransforms, Pose, RestJoints};
 pub use skeleton::{Dof, Joint, JointId, N_DOF, N_JOINTS, Skeleton};
-
-#[cfg(doctest)]
-#[doc = include_str!("../README.md")]
-struct Readme;

@@ -6,10 +6,12 @@ use glam::{DQuat, DVec3};
 
 mod asf;
 mod bvh;
+mod cmu;
 mod humanoid;
 
 pub use asf::load_asf_amc;
 pub use bvh::load_bvh;
+pub use cmu::{IndexEntry, LoadIndexError, load_index, load_indexed_clip};
 pub use humanoid::load_humanoid_json;
 
 /// Why a motion cannot be used.
