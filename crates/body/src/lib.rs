@@ -36,3 +36,7 @@ pub use camera::{Camera, Intrinsics};
 pub use model::{Body, BodyModel, Sex};
 pub use pose::{JointTransforms, Pose, RestJoints};
 pub use skeleton::{Dof, Joint, JointId, N_DOF, N_JOINTS, Skeleton};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
