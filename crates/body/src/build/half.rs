@@ -22,12 +22,18 @@ pub(super) struct MeanBody<'a> {
 
 impl<'a> MeanBody<'a> {
     pub fn of(data: &'a BodiesData) -> Result<Self, BuildError> {
+        let mut by_height: Vec<u32> = (0..data.mean.len() as u32).collect();
+        by_height.sort_by(|&a, &b| data.mean[a as usize].y.total_cmp(&data.mean[b as usize].y));
         let counterpart = |vertex: usize| {
             let image = data.mean[vertex] * DVec3::new(-1.0, 1.0, 1.0);
-            let distance = |&other: &u32| data.mean[other as usize].distance(image);
-            let nearest = (0..data.mean.len() as u32).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+            let first = by_height.partition_point(|&v| data.mean[v as usize].y < image.y - SYMMETRY_M);
+            let level =
+                by_height[first..].iter().take_while(|&&v| data.mean[v as usize].y < image.y + SYMMETRY_M);
+            let near =
+                level.map(|&v| (data.mean[v as usize].distance(image), v)).filter(|near| near.0 < SYMMETRY_M);
+            let nearest = near.min_by(|a, b| a.0.total_cmp(&b.0));
             nearest
-                .filter(|other| distance(other) < SYMMETRY_M)
+                .map(|(_, vertex)| vertex)
                 .ok_or(BuildError::NotSymmetric { vertex, tolerance_m: SYMMETRY_M })
         };
         let counterparts = (0..data.mean.len()).map(counterpart).collect::<Result<Vec<u32>, _>>()?;
