@@ -1,8 +1,11 @@
-//! Readers and writers of files: cameras, meshes, motion capture. Everything is metres once loaded, unless said.
+//! Readers and writers of files: cameras, meshes, motion capture. Cameras and motions are metres once loaded; meshes stay in
+//! the unit of their file.
 
 pub mod bodies;
 pub mod cameras;
 mod fields;
+pub mod meshes;
 pub mod mocap;
 
 pub use cameras::{CameraFile, LoadCameraError, load_camera};
+pub use meshes::{LoadMeshError, MeshFile, WriteMeshError, load_mesh, write_obj};

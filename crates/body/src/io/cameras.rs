@@ -49,22 +49,13 @@ pub enum LoadCameraError {
     Read { path: PathBuf, source: std::io::Error },
     /// Not TOML.
     #[error("{path}: is not valid TOML")]
-    Toml {
-        path: PathBuf,
-        source: Box<toml::de::Error>,
-    },
+    Toml { path: PathBuf, source: Box<toml::de::Error> },
     /// Not JSON.
     #[error("{path}: is not valid JSON")]
-    Json {
-        path: PathBuf,
-        source: serde_json::Error,
-    },
+    Json { path: PathBuf, source: serde_json::Error },
     /// Not YAML.
     #[error("{path}: is not valid YAML")]
-    Yaml {
-        path: PathBuf,
-        source: yaml_rust2::ScanError,
-    },
+    Yaml { path: PathBuf, source: yaml_rust2::ScanError },
     /// A field is missing or of the wrong kind.
     #[error("{path}: {problem}")]
     Field { path: PathBuf, problem: FieldError },
@@ -73,18 +64,10 @@ pub enum LoadCameraError {
     CalLength { path: PathBuf, count: usize },
     /// Pixels that are no rectangles.
     #[error("{path}: `{field}` has skew {skew}, expected 0")]
-    Skew {
-        path: PathBuf,
-        field: &'static str,
-        skew: f64,
-    },
+    Skew { path: PathBuf, field: &'static str, skew: f64 },
     /// The values are numbers, but no camera has them.
     #[error("{path}: `{field}`: {problem}")]
-    Camera {
-        path: PathBuf,
-        field: &'static str,
-        problem: BadCamera,
-    },
+    Camera { path: PathBuf, field: &'static str, problem: Box<BadCamera> },
 }
 
 /// Reads a camera, in the format that the file's extension or, failing that, its content tells.
@@ -98,10 +81,8 @@ pub enum LoadCameraError {
 /// # Errors
 /// [`LoadCameraError`] names the file, the field and the value.
 pub fn load_camera(path: &Path) -> Result<CameraFile, LoadCameraError> {
-    let text = std::fs::read_to_string(path).map_err(|source| LoadCameraError::Read {
-        path: path.to_owned(),
-        source,
-    })?;
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| LoadCameraError::Read { path: path.to_owned(), source })?;
     parse_camera(path, &text)
 }
 
@@ -111,48 +92,29 @@ pub fn load_camera(path: &Path) -> Result<CameraFile, LoadCameraError> {
 /// As [`load_camera`].
 pub fn parse_camera(path: &Path, text: &str) -> Result<CameraFile, LoadCameraError> {
     let owned = || path.to_owned();
-    let field_error = |problem| LoadCameraError::Field {
-        path: owned(),
-        problem,
-    };
+    let field_error = |problem| LoadCameraError::Field { path: owned(), problem };
     let (names, parts) = match Format::of(path, text) {
         Format::Toml => {
             let table = text
                 .parse::<toml::Table>()
-                .map_err(|source| LoadCameraError::Toml {
-                    path: owned(),
-                    source: Box::new(source),
-                })?;
-            (
-                TOML_NAMES,
-                toml_parts(&toml::Value::Table(table).into()).map_err(field_error)?,
-            )
+                .map_err(|source| LoadCameraError::Toml { path: owned(), source: Box::new(source) })?;
+            (TOML_NAMES, toml_parts(&toml::Value::Table(table).into()).map_err(field_error)?)
         }
         Format::Json => {
-            let value: serde_json::Value =
-                serde_json::from_str(text).map_err(|source| LoadCameraError::Json {
-                    path: owned(),
-                    source,
-                })?;
+            let value: serde_json::Value = serde_json::from_str(text)
+                .map_err(|source| LoadCameraError::Json { path: owned(), source })?;
             (MATRIX_NAMES, matrix_parts(&value.into()).map_err(field_error)?)
         }
         Format::OpenCvYaml => {
-            let documents = yaml_rust2::YamlLoader::load_from_str(&plain_yaml(text)).map_err(|source| {
-                LoadCameraError::Yaml {
-                    path: owned(),
-                    source,
-                }
-            })?;
+            let documents = yaml_rust2::YamlLoader::load_from_str(&plain_yaml(text))
+                .map_err(|source| LoadCameraError::Yaml { path: owned(), source })?;
             let value = documents.into_iter().next().map_or(Value::Other, Value::from);
             (MATRIX_NAMES, matrix_parts(&value).map_err(field_error)?)
         }
         Format::Cal => {
             let numbers: Vec<Value> = text.split_whitespace().map(Value::from_word).collect();
             if numbers.len() != CAL_FIELDS.len() {
-                return Err(LoadCameraError::CalLength {
-                    path: owned(),
-                    count: numbers.len(),
-                });
+                return Err(LoadCameraError::CalLength { path: owned(), count: numbers.len() });
             }
             (MATRIX_NAMES, cal_parts(numbers).map_err(field_error)?)
         }
@@ -192,16 +154,8 @@ struct Names {
     translation: &'static str,
 }
 
-const TOML_NAMES: Names = Names {
-    focal: "focal_px",
-    rotation: "rotation",
-    translation: "translation_m",
-};
-const MATRIX_NAMES: Names = Names {
-    focal: "K",
-    rotation: "R",
-    translation: "T",
-};
+const TOML_NAMES: Names = Names { focal: "focal_px", rotation: "rotation", translation: "translation_m" };
+const MATRIX_NAMES: Names = Names { focal: "K", rotation: "R", translation: "T" };
 
 /// The numbers of a camera file, before they are known to make a camera.
 struct Parts {
@@ -215,11 +169,7 @@ struct Parts {
 impl Parts {
     fn finish(self, path: &Path, names: Names) -> Result<CameraFile, LoadCameraError> {
         if self.skew != 0.0 {
-            return Err(LoadCameraError::Skew {
-                path: path.to_owned(),
-                field: names.focal,
-                skew: self.skew,
-            });
+            return Err(LoadCameraError::Skew { path: path.to_owned(), field: names.focal, skew: self.skew });
         }
         let (rotation, translation) = self.place.unwrap_or((DMat3::IDENTITY, DVec3::ZERO));
         let camera = Camera::new(self.intrinsics, rotation, translation).map_err(|problem| {
@@ -228,11 +178,7 @@ impl Parts {
                 BadCamera::Translation { .. } => names.translation,
                 _ => names.focal, // sizes and finiteness were checked field by field
             };
-            LoadCameraError::Camera {
-                path: path.to_owned(),
-                field,
-                problem,
-            }
+            LoadCameraError::Camera { path: path.to_owned(), field, problem: Box::new(problem) }
         })?;
         Ok(CameraFile {
             name: self.name,
@@ -248,19 +194,12 @@ fn toml_parts(value: &Value) -> Result<Parts, FieldError> {
     let [width, height] = match root.require(&["image_size"])?.items()?.as_slice() {
         [width, height] => [width.pixels()?, height.pixels()?],
         other => {
-            return Err(FieldError::Count {
-                field: "image_size".into(),
-                count: other.len(),
-                expected: 2,
-            });
+            return Err(FieldError::Count { field: "image_size".into(), count: other.len(), expected: 2 });
         }
     };
     let [cx, cy] = root.require(&["principal_point_px"])?.numbers()?;
     Ok(Parts {
-        name: root
-            .find(&["name"])
-            .map(|field| field.text().map(str::to_owned))
-            .transpose()?,
+        name: root.find(&["name"]).map(|field| field.text().map(str::to_owned)).transpose()?,
         frame_rate_hz: root.find(&["fps"]).map(|field| field.number()).transpose()?,
         intrinsics: Intrinsics {
             width,
@@ -280,9 +219,8 @@ fn toml_parts(value: &Value) -> Result<Parts, FieldError> {
 /// A camera given by the matrices of OpenCV, in JSON or YAML.
 fn matrix_parts(value: &Value) -> Result<Parts, FieldError> {
     let root = Field::root(value);
-    let [fx, skew, cx, _, fy, cy, ..] = root
-        .require(&["K", "camera_matrix", "cameraMatrix"])?
-        .numbers::<9>()?;
+    let [fx, skew, cx, _, fy, cy, ..] =
+        root.require(&["K", "camera_matrix", "cameraMatrix"])?.numbers::<9>()?;
     let metres = match root.find(&["units"]) {
         None => 1.0,
         Some(units) => match units.text()?.split([',', ' ']).next() {
@@ -292,13 +230,10 @@ fn matrix_parts(value: &Value) -> Result<Parts, FieldError> {
         },
     };
     let rotation = match root.find(&["rvec"]) {
-        Some(rvec) => Some(DMat3::from_quat(DQuat::from_scaled_axis(
-            rvec.numbers::<3>()?.into(),
-        ))),
-        None => root
-            .find(&["R", "rotation"])
-            .map(|field| field.numbers().map(matrix_from_rows))
-            .transpose()?,
+        Some(rvec) => Some(DMat3::from_quat(DQuat::from_scaled_axis(rvec.numbers::<3>()?.into()))),
+        None => {
+            root.find(&["R", "rotation"]).map(|field| field.numbers().map(matrix_from_rows)).transpose()?
+        }
     };
     let place = match rotation {
         None => None,
@@ -308,10 +243,7 @@ fn matrix_parts(value: &Value) -> Result<Parts, FieldError> {
         }
     };
     Ok(Parts {
-        name: root
-            .find(&["name"])
-            .map(|field| field.text().map(str::to_owned))
-            .transpose()?,
+        name: root.find(&["name"]).map(|field| field.text().map(str::to_owned)).transpose()?,
         frame_rate_hz: root.find(&["fps"]).map(|field| field.number()).transpose()?,
         intrinsics: Intrinsics {
             width: root.require(&["width", "image_width"])?.pixels()?,
@@ -327,13 +259,7 @@ fn matrix_parts(value: &Value) -> Result<Parts, FieldError> {
 
 /// OpenCV writes 4, 5, 8, 12 or 14 coefficients; those after the fifth belong to lens models that we do not have.
 fn distortion(root: &Field<'_>) -> Result<[f64; 5], FieldError> {
-    let names = [
-        "dist",
-        "distortion_coefficients",
-        "dist_coeffs",
-        "distCoeffs",
-        "D",
-    ];
+    let names = ["dist", "distortion_coefficients", "dist_coeffs", "distCoeffs", "D"];
     let Some(field) = root.find(&names) else {
         return Ok([0.0; 5]);
     };
@@ -358,13 +284,7 @@ const CAL_FIELDS: [&str; 22] = [
 ];
 
 fn cal_parts(numbers: Vec<Value>) -> Result<Parts, FieldError> {
-    let table = Value::Table(
-        CAL_FIELDS
-            .iter()
-            .map(|&name| name.to_owned())
-            .zip(numbers)
-            .collect(),
-    );
+    let table = Value::Table(CAL_FIELDS.iter().map(|&name| name.to_owned()).zip(numbers).collect());
     let root = Field::root(&table);
     let mut n = [0.0; CAL_FIELDS.len()];
     for (number, name) in n.iter_mut().zip(CAL_FIELDS) {
@@ -396,16 +316,12 @@ fn matrix_from_rows(rows: [f64; 9]) -> DMat3 {
 /// OpenCV's `FileStorage` dialect as plain YAML: without directives and without type tags.
 fn plain_yaml(text: &str) -> String {
     let without_tag = |line: &str| match line.split_once("!!opencv-") {
-        Some((before, tag)) => format!(
-            "{before}{}",
-            tag.trim_start_matches(|c: char| c.is_alphanumeric() || c == '-')
-        ),
+        Some((before, tag)) => {
+            format!("{before}{}", tag.trim_start_matches(|c: char| c.is_alphanumeric() || c == '-'))
+        }
         None => line.to_owned(),
     };
-    text.lines()
-        .filter(|line| !line.starts_with('%'))
-        .map(|line| without_tag(line) + "\n")
-        .collect()
+    text.lines().filter(|line| !line.starts_with('%')).map(|line| without_tag(line) + "\n").collect()
 }
 
 #[cfg(test)]

@@ -28,27 +28,16 @@ pub enum FieldError {
     Missing { field: String },
     /// A value of the wrong kind.
     #[error("`{field}` is {value}, expected {expected}")]
-    Value {
-        field: String,
-        value: String,
-        expected: &'static str,
-    },
+    Value { field: String, value: String, expected: &'static str },
     /// A list of the wrong length.
     #[error("`{field}` has {count} values, expected {expected}")]
-    Count {
-        field: String,
-        count: usize,
-        expected: usize,
-    },
+    Count { field: String, count: usize, expected: usize },
 }
 
 impl<'a> Field<'a> {
     /// The file as a whole.
     pub(crate) fn root(value: &'a Value) -> Self {
-        Self {
-            path: String::new(),
-            value,
-        }
+        Self { path: String::new(), value }
     }
 
     /// The field that goes by one of `names`, the first of which is its name in messages.
@@ -56,32 +45,21 @@ impl<'a> Field<'a> {
         let Value::Table(entries) = self.value else {
             return None;
         };
-        let (name, value) = names
-            .iter()
-            .find_map(|name| entries.iter().find(|(key, _)| key == name))?;
-        let path = if self.path.is_empty() {
-            name.clone()
-        } else {
-            format!("{}.{name}", self.path)
-        };
+        let (name, value) = names.iter().find_map(|name| entries.iter().find(|(key, _)| key == name))?;
+        let path = if self.path.is_empty() { name.clone() } else { format!("{}.{name}", self.path) };
         Some(Field { path, value })
     }
 
     /// As [`Field::find`], for a field that must be there.
     pub(crate) fn require(&self, names: &[&str]) -> Result<Field<'a>, FieldError> {
-        self.find(names).ok_or_else(|| FieldError::Missing {
-            field: names[0].to_owned(),
-        })
+        self.find(names).ok_or_else(|| FieldError::Missing { field: names[0].to_owned() })
     }
 
     pub(crate) fn items(&self) -> Result<Vec<Field<'a>>, FieldError> {
         let Value::List(items) = self.value else {
             return Err(self.unexpected("a list"));
         };
-        let item = |(index, value)| Field {
-            path: format!("{}[{index}]", self.path),
-            value,
-        };
+        let item = |(index, value)| Field { path: format!("{}[{index}]", self.path), value };
         Ok(items.iter().enumerate().map(item).collect())
     }
 
@@ -141,11 +119,7 @@ impl<'a> Field<'a> {
             Value::Table(_) => "a table".to_owned(),
             Value::Other => "neither number nor text".to_owned(),
         };
-        FieldError::Value {
-            field: self.path.clone(),
-            value,
-            expected,
-        }
+        FieldError::Value { field: self.path.clone(), value, expected }
     }
 }
 
@@ -185,10 +159,7 @@ impl From<yaml_rust2::Yaml> for Value {
             Yaml::String(text) => Self::from_word(&text),
             Yaml::Array(items) => Self::List(items.into_iter().map(Self::from).collect()),
             Yaml::Hash(table) => Self::Table(
-                table
-                    .into_iter()
-                    .filter_map(|(k, v)| Some((k.as_str()?.to_owned(), v.into())))
-                    .collect(),
+                table.into_iter().filter_map(|(k, v)| Some((k.as_str()?.to_owned(), v.into()))).collect(),
             ),
             Yaml::Boolean(_) | Yaml::Null | Yaml::BadValue | Yaml::Alias(_) => Self::Other,
         }
@@ -198,12 +169,7 @@ impl From<yaml_rust2::Yaml> for Value {
 impl Value {
     /// A number where `word` is one (YAML's `.nan` and `.inf` included), else a text.
     pub(crate) fn from_word(word: &str) -> Self {
-        let plain = word
-            .to_ascii_lowercase()
-            .replace(".nan", "nan")
-            .replace(".inf", "inf");
-        plain
-            .parse()
-            .map_or_else(|_| Self::Text(word.to_owned()), Self::Number)
+        let plain = word.to_ascii_lowercase().replace(".nan", "nan").replace(".inf", "inf");
+        plain.parse().map_or_else(|_| Self::Text(word.to_owned()), Self::Number)
     }
 }

@@ -50,9 +50,7 @@ tvec: !!opencv-matrix
 const CAL: &str = "700 710 320 240 0 -0.19 0 0 0 0  1 0 0 0 0 -1 0 1 0  5.5 749 4591";
 
 fn message(name: &str, text: &str) -> String {
-    parse_camera(Path::new(name), text)
-        .expect_err("a bad file")
-        .to_string()
+    parse_camera(Path::new(name), text).expect_err("a bad file").to_string()
 }
 
 #[test]
@@ -80,15 +78,8 @@ fn reads_toml() {
 fn reads_opencv_yaml() {
     let file = parse_camera(Path::new("camera.yml"), OPENCV_YAML).expect("a good file");
     // cv2.projectPoints gives (184.0417, 141.0470), with pixel centres at whole numbers.
-    let pixel = file
-        .camera()
-        .expect("it has a place")
-        .project(DVec3::new(0.5, 0.2, 1.7))
-        .expect("in view");
-    assert!(
-        pixel.distance(DVec2::new(184.541669763, 141.547021669)) < 1e-6,
-        "{pixel}"
-    );
+    let pixel = file.camera().expect("it has a place").project(DVec3::new(0.5, 0.2, 1.7)).expect("in view");
+    assert!(pixel.distance(DVec2::new(184.541669763, 141.547021669)) < 1e-6, "{pixel}");
 
     let intrinsics_only = &OPENCV_YAML[..OPENCV_YAML.find("rvec").expect("it is there")];
     let file = parse_camera(Path::new("camera.yml"), intrinsics_only).expect("a good file");
@@ -125,10 +116,7 @@ fn messages_name_file_field_and_value() {
         assert!(TOML.contains(from), "{from}");
         message("camera.toml", &TOML.replace(from, to))
     };
-    assert_eq!(
-        toml("[1675.25, ", "[nan, "),
-        "camera.toml: `focal_px[0]` is NaN, expected a finite number"
-    );
+    assert_eq!(toml("[1675.25, ", "[nan, "), "camera.toml: `focal_px[0]` is NaN, expected a finite number");
     assert_eq!(
         toml("[1675.25, ", "[-1.5, "),
         "camera.toml: `focal_px`: focal length is [-1.5, 1675.5] px, expected two positive numbers"
@@ -138,10 +126,7 @@ fn messages_name_file_field_and_value() {
         toml("0.03]", "\"much\"]"),
         "camera.toml: `distortion[4]` is \"much\", expected a finite number"
     );
-    assert_eq!(
-        toml(", 0.03]", "]"),
-        "camera.toml: `distortion` has 4 values, expected 5"
-    );
+    assert_eq!(toml(", 0.03]", "]"), "camera.toml: `distortion` has 4 values, expected 5");
     assert_eq!(
         toml("[1088, ", "[10.5, "),
         "camera.toml: `image_size[0]` is 10.5, expected a whole number of pixels from 1 to 65536"
@@ -151,10 +136,7 @@ fn messages_name_file_field_and_value() {
         "camera.toml: `rotation[1][2]` is inf, expected a finite number"
     );
     let singular = toml("[0.0, 0.0, -1.0]", "[0.0, 0.0, 0.0]");
-    assert!(
-        singular.starts_with("camera.toml: `rotation`: rotation is [[0.0, 1.0, 0.0], "),
-        "{singular}"
-    );
+    assert!(singular.starts_with("camera.toml: `rotation`: rotation is [[0.0, 1.0, 0.0], "), "{singular}");
     assert!(singular.contains("with determinant 0.000"), "{singular}");
     assert_eq!(toml("name = ", "name "), "camera.toml: is not valid TOML");
 
@@ -162,31 +144,17 @@ fn messages_name_file_field_and_value() {
         message("a.cal", "1 2 3"),
         "a.cal: has 3 numbers, expected the 22 of fx fy cx cy skew k1 k2 p1 p2 k3 R T"
     );
+    assert_eq!(message("a.cal", &CAL.replace("710", "x")), "a.cal: `fy` is \"x\", expected a finite number");
+    assert_eq!(message("a.cal", &CAL.replace("240 0", "240 0.5")), "a.cal: `K` has skew 0.5, expected 0");
     assert_eq!(
-        message("a.cal", &CAL.replace("710", "x")),
-        "a.cal: `fy` is \"x\", expected a finite number"
-    );
-    assert_eq!(
-        message("a.cal", &CAL.replace("240 0", "240 0.5")),
-        "a.cal: `K` has skew 0.5, expected 0"
-    );
-    assert_eq!(
-        message(
-            "a.json",
-            r#"{"K": [[7,0,3],[0,7,3],[0,0,1]], "units": "yards", "width": 6, "height": 6}"#
-        ),
+        message("a.json", r#"{"K": [[7,0,3],[0,7,3],[0,0,1]], "units": "yards", "width": 6, "height": 6}"#),
         "a.json: `units` is \"yards\", expected \"m\" or \"mm\""
     );
-    assert_eq!(
-        message("a.yml", &OPENCV_YAML.replace("tvec", "somewhere")),
-        "a.yml: `T` is missing"
-    );
+    assert_eq!(message("a.yml", &OPENCV_YAML.replace("tvec", "somewhere")), "a.yml: `T` is missing");
     assert_eq!(message("a.yml", "a: [1"), "a.yml: is not valid YAML");
     assert_eq!(message("a.yml", ""), "a.yml: `K` is missing");
     assert_eq!(
-        load_camera(Path::new("no/such/camera.toml"))
-            .expect_err("no file")
-            .to_string(),
+        load_camera(Path::new("no/such/camera.toml")).expect_err("no file").to_string(),
         "no/such/camera.toml: cannot read the file"
     );
 }
@@ -200,19 +168,32 @@ fn data_folder() -> Option<PathBuf> {
 fn stage_cameras_agree_in_both_formats_and_with_the_stated_centre() {
     let Some(data) = data_folder() else { return };
     // From the `centre` field of the JSON files, millimetres.
-    for (name, centre) in [("C1", [4134.648, 1504.889, 1510.0])] {
+    let centres = [
+        ("C1", [4134.648, 1504.889, 1510.0]),
+        ("C2", [-746.687, -4234.673, 1490.0]),
+        ("C3", [-3408.898, 2860.405, 1530.0]),
+    ];
+    for (name, centre) in centres {
         let folder = data.join("stage/calibration");
         let json = load_camera(&folder.join(format!("{name}.json"))).expect("a good file");
         let cal = load_camera(&folder.join(format!("{name}.cal"))).expect("a good file");
         assert_eq!(json.intrinsics, cal.intrinsics);
         let camera = json.camera().expect("it has a place");
         assert!(camera.centre_world().distance(0.001 * DVec3::from(centre)) < 1e-5);
-        assert!(
-            cal.camera()
-                .expect("it has a place")
-                .centre_world()
-                .distance(camera.centre_world())
-                < 1e-5
-        );
+        assert!(cal.camera().expect("it has a place").centre_world().distance(camera.centre_world()) < 1e-5);
     }
+}
+
+#[test]
+fn reads_the_camera_of_the_real_clip() {
+    let Some(data) = data_folder() else { return };
+    let file = load_camera(&data.join("real/balance/camera.toml")).expect("a good file");
+    let camera = file.camera().expect("it has a place");
+    assert_eq!((camera.intrinsics().width, camera.intrinsics().height), (1088, 1920));
+    // -Rᵀ t by numpy.
+    assert!(
+        camera.centre_world().distance(DVec3::new(-3.76350, -1.40367, 1.86949)) < 1e-4,
+        "{}",
+        camera.centre_world()
+    );
 }
