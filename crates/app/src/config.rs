@@ -5,6 +5,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::track::pose_model::Widening;
+
 /// Which motions the pose model expects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
@@ -39,12 +41,22 @@ pub struct TrackConfig {
     pub sharpness: f64,
     /// Ratio of the exponents of one annealing layer and the next sharper one.
     pub annealing_ratio: f64,
+    /// Factor on the standard deviations of the recorded poses, for the prior of [`Motion::Any`].
+    pub prior_widening: f64,
+    /// Standard deviation added to each joint angle of that prior, as a share of the range between its limits.
+    pub least_sd: f64,
+    /// Least standard deviation of each joint angle's step from frame to frame, likewise.
+    pub least_step: f64,
     /// Weight of the Gaussian prior over joint angles in the log-likelihood.
     pub prior_weight: f64,
     /// Diffusion of the first layer, in standard deviations of the motion from one frame to the next.
     pub diffusion: f64,
     /// Ratio of the diffusion of one layer and the layer before.
     pub diffusion_ratio: f64,
+    /// Share of the particles that take a part of the body from another particle of the layer.
+    pub exchange_share: f64,
+    /// Share of the particles that a layer diffuses in one part of the body only.
+    pub part_share: f64,
     /// Share of the particles for which a layer tries to mirror a limb in depth.
     pub mirror_share: f64,
     /// Share of the particles for which a layer puts the lowest foot on the floor.
@@ -66,9 +78,14 @@ impl Default for TrackConfig {
             working_height_px: 360.0,
             sharpness: 150.0,
             annealing_ratio: 0.7,
-            prior_weight: 0.02,
-            diffusion: 2.0,
+            prior_widening: 1.5,
+            least_sd: 0.1,
+            least_step: 0.006,
+            prior_weight: 0.4,
+            diffusion: 3.0,
             diffusion_ratio: 0.8,
+            exchange_share: 0.3,
+            part_share: 0.8,
             mirror_share: 0.02,
             ground_share: 0.05,
             coast_frames: 30,
@@ -109,12 +126,22 @@ impl TrackParams {
         check("working_height_px", c.working_height_px, 60.0..=2000.0, "60 to 2000 pixels")?;
         check("sharpness", c.sharpness, 1.0..=10_000.0, "1 to 10000")?;
         check("annealing_ratio", c.annealing_ratio, 0.05..=1.0, "0.05 to 1")?;
+        check("prior_widening", c.prior_widening, 0.1..=100.0, "0.1 to 100")?;
+        check("least_sd", c.least_sd, 0.001..=1.0, "0.001 to 1")?;
+        check("least_step", c.least_step, 0.0..=1.0, "0 to 1")?;
         check("prior_weight", c.prior_weight, 0.0..=10.0, "0 to 10")?;
         check("diffusion", c.diffusion, 0.01..=100.0, "0.01 to 100")?;
         check("diffusion_ratio", c.diffusion_ratio, 0.05..=1.0, "0.05 to 1")?;
+        check("exchange_share", c.exchange_share, 0.0..=1.0, "0 to 1")?;
+        check("part_share", c.part_share, 0.0..=1.0, "0 to 1")?;
         check("mirror_share", c.mirror_share, 0.0..=1.0, "0 to 1")?;
         check("ground_share", c.ground_share, 0.0..=1.0, "0 to 1")?;
         Ok(Self(config))
+    }
+
+    /// By how much the learned prior is widened for [`Motion::Any`].
+    pub fn widening(&self) -> Widening {
+        Widening { factor: self.prior_widening, least_sd: self.least_sd, least_step: self.least_step }
     }
 }
 

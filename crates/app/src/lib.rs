@@ -1,10 +1,15 @@
 //! Pipelines, files and command line of Umbra; the binary is `umbra`.
 //!
 //! # Map
-//! [`input`] frames and masks from video and folders · [`draw`] pictures of a tracked body · [`run_folder`] everything that a
-//! run writes · [`progress`] what a person who waits sees
+//! [`cli`] what can be asked · [`config`] settings and their bounds · [`input`] frames and masks from video and folders ·
+//! [`track`] the tracker and the road of a clip · [`draw`] pictures of a tracked body · [`run_folder`] everything that a run
+//! writes · [`progress`] what a person who waits sees · [`eval`] accuracy against reference data
 
+pub mod cli;
+pub mod config;
 pub mod draw;
+pub mod eval;
 pub mod input;
 pub mod progress;
 pub mod run_folder;
+pub mod track;

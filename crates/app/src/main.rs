@@ -1,8 +1,7 @@
 //! The program `umbra`.
 
-use std::io::Write as _;
+use std::process::ExitCode;
 
-fn main() -> anyhow::Result<()> {
-    writeln!(std::io::stdout(), "umbra {}", env!("CARGO_PKG_VERSION"))?;
-    Ok(())
+fn main() -> ExitCode {
+    app::cli::main()
 }

@@ -3,19 +3,19 @@
 //! The clip is tracked once a seed with the heading of the first frame given to 45 degrees, and once a seed without
 //! any help. Lost frames count like all others, with the pose the tracker holds on them.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context as _, bail};
-use body::JointId;
 use serde::Serialize;
 
 use super::joint_error::{JointErrors, largest, mean, median};
-use super::reference::{self, JUDGED};
-use crate::config::{ExecConfig, TrackConfig, TrackParams};
-use crate::run_folder::{FrameRecord, Status};
-use crate::track::{CameraChoice, Clip, ClipInput, MaskMaker, TrackJob, track_clip};
+use super::reference::{self, JUDGED, ReferenceFrame};
+use super::write_json;
+use crate::config::{ExecConfig, TrackConfig};
+use crate::run_folder::Existing;
+use crate::track::{Background, CameraChoice, ClipInput, TrackJob, track_clip};
 
 /// What to evaluate.
 #[derive(Clone, Debug)]
@@ -128,15 +128,132 @@ pub fn evaluate(eval: &RealEval) -> anyhow::Result<RealReport> {
         .find_map(|(_, frame)| reference::heading_rad(frame))
         .with_context(|| format!("{}: no frame shows both hips, expected one", reference_path.display()))?;
     let given_deg = 45.0 * (heading.to_degrees() / 45.0).round();
-    fs::create_dir_all(&eval.out).with_context(|| format!("{}: cannot make the folder", eval.out.display()))?;
     let report = RealReport {
         data: eval.data.clone(),
         heading_given_deg: given_deg,
         given: start_condition(eval, &frames, Some(given_deg))?,
         without_heading: start_condition(eval, &frames, None)?,
     };
-    let path = eval.out.join("eval.json");
-    let json = serde_json::to_string_pretty(&report).context("the report as JSON")?;
-    fs::write(&path, json + "\n").with_context(|| format!("{}: cannot write", path.display()))?;
+    write_json(&eval.out, &report)?;
     Ok(report)
+}
+
+/// One run a seed under one start condition.
+fn start_condition(
+    eval: &RealEval,
+    reference: &BTreeMap<usize, ReferenceFrame>,
+    heading_deg: Option<f64>,
+) -> anyhow::Result<RealFigures> {
+    let seeds = (1..=eval.seeds)
+        .map(|seed| run_seed(eval, reference, heading_deg, seed))
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    let over_seeds = |figure: fn(&SeedFigures) -> f64| mean(seeds.iter().map(figure));
+    Ok(RealFigures {
+        iou_mean: over_seeds(|s| s.iou_mean),
+        iou_worst: seeds.iter().map(|s| s.iou_worst).fold(1.0, f64::min),
+        mpjpe_root_mm: over_seeds(|s| s.mpjpe_root_mm),
+        image_plane_mm: over_seeds(|s| s.image_plane_mm),
+        depth_mm: over_seeds(|s| s.depth_mm),
+        pelvis_mm: over_seeds(|s| s.pelvis_mm),
+        frames_lost: over_seeds(|s| s.frames_lost as f64),
+        fps: over_seeds(|s| s.fps),
+        seeds,
+    })
+}
+
+fn run_seed(
+    eval: &RealEval,
+    reference: &BTreeMap<usize, ReferenceFrame>,
+    heading_deg: Option<f64>,
+    seed: u64,
+) -> anyhow::Result<SeedFigures> {
+    let start = if heading_deg.is_some() { "heading" } else { "no-heading" };
+    let masks = eval.data.join("masks");
+    let input = if masks.is_dir() {
+        ClipInput::Masks(masks)
+    } else {
+        ClipInput::Frames(eval.data.join("video.mp4"), Background::Plate(eval.data.join("background.png")))
+    };
+    let camera_path = eval.data.join("camera.toml");
+    let job = TrackJob {
+        input,
+        camera: CameraChoice::File(camera_path),
+        out: eval.out.join(format!("{start}-seed-{seed}")),
+        config: TrackConfig { seed, initial_heading_deg: heading_deg, ..eval.config.clone() },
+        frames: eval.frames.clone(),
+        fps: None,
+        redact: false,
+        existing: Existing::Replace,
+    };
+    let outcome = track_clip(&job, eval.exec)?;
+    let mut errors = JointErrors::default();
+    for frame in &outcome.frames {
+        if let Some(truth) = reference.get(&(frame.frame as usize)) {
+            errors.add(&frame.joints_world, truth, outcome.camera.centre_world());
+        }
+    }
+    if errors.frame_mm.is_empty() {
+        bail!("{}: none of the tracked frames has reference hips", eval.data.join("joints3d.csv").display());
+    }
+    let over_joints = |parts: &[Vec<f64>; JUDGED.len()]| mean(parts.iter().flatten().copied());
+    Ok(SeedFigures {
+        seed,
+        frames: errors.frame_mm.len(),
+        iou_mean: outcome.mean_iou(),
+        iou_worst: outcome.frames.iter().map(|frame| frame.iou).fold(1.0, f64::min),
+        mpjpe_root_mm: over_joints(&errors.root_aligned_mm),
+        median_mm: median(&errors.frame_mm),
+        worst_mm: largest(&errors.frame_mm),
+        image_plane_mm: over_joints(&errors.image_plane_mm),
+        depth_mm: over_joints(&errors.depth_mm),
+        pelvis_mm: mean(errors.pelvis_mm.iter().copied()),
+        frames_lost: outcome.frames.len() - outcome.n_tracked(),
+        fps: outcome.fps,
+        joints: JUDGED
+            .iter()
+            .zip(&errors.root_aligned_mm)
+            .map(|((name, _), mm)| JointFigures {
+                joint: name,
+                mean_mm: mean(mm.iter().copied()),
+                median_mm: median(mm),
+                worst_mm: largest(mm),
+            })
+            .collect(),
+    })
+}
+
+/// The report as tables in Markdown.
+pub fn table(report: &RealReport) -> String {
+    let mut text = format!("{}\n\n", report.data.display());
+    text += "| start | seed | mm | median | worst | image plane | depth | pelvis | IoU | worst | lost | frames/s |\n";
+    text += "|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n";
+    let given = format!("heading {:.0}°", report.heading_given_deg);
+    for (start, figures) in [(given.as_str(), &report.given), ("no heading", &report.without_heading)] {
+        for s in &figures.seeds {
+            let _ = writeln!(
+                text,
+                "| {start} | {} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.3} | {:.3} | {} | {:.1} |",
+                s.seed, s.mpjpe_root_mm, s.median_mm, s.worst_mm, s.image_plane_mm, s.depth_mm, s.pelvis_mm,
+                s.iou_mean, s.iou_worst, s.frames_lost, s.fps
+            );
+        }
+        let _ = writeln!(
+            text,
+            "| {start} | mean | {:.1} | | | {:.1} | {:.1} | {:.1} | {:.3} | {:.3} | {:.1} | {:.1} |",
+            figures.mpjpe_root_mm, figures.image_plane_mm, figures.depth_mm, figures.pelvis_mm,
+            figures.iou_mean, figures.iou_worst, figures.frames_lost, figures.fps
+        );
+    }
+    text += "\n| joint | mean mm | median | worst | (heading given, mean over seeds)\n|---|---:|---:|---:|\n";
+    for (slot, (name, _)) in JUDGED.iter().enumerate() {
+        let over_seeds = |figure: fn(&JointFigures) -> f64| {
+            mean(report.given.seeds.iter().map(|seed| figure(&seed.joints[slot])))
+        };
+        let _ = writeln!(
+            text,
+            "| {name} | {:.0} | {:.0} | {:.0} |",
+            over_seeds(|j| j.mean_mm), over_seeds(|j| j.median_mm), over_seeds(|j| j.worst_mm)
+        );
+    }
+    text
 }

@@ -99,3 +99,6 @@ fn is_mp4(path: &Path) -> anyhow::Result<bool> {
     }
     Ok(start.get(4..8) == Some(b"ftyp"))
 }
+
+#[cfg(test)]
+mod tests;

@@ -6,7 +6,7 @@ use render_gpu::ScoreError;
 use silhouette::Mask;
 
 use super::overlap::BodyOverlap;
-use super::state::{BodySpace, BodyState};
+use super::state::{BodySpace, BodyState, blank_pose};
 
 /// What the tracker sees on a frame.
 #[derive(Debug)]
@@ -46,7 +46,7 @@ impl Likelihood<BodyState> for SilhouetteLikelihood {
         out: &mut [f64],
     ) -> Result<(), ScoreError> {
         let model = self.space.model();
-        self.poses.resize_with(states.len(), Pose::default);
+        self.poses.resize_with(states.len(), blank_pose);
         for (pose, state) in self.poses.iter_mut().zip(states) {
             self.space.pose_into(state, pose);
         }

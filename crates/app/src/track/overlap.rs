@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use body::skin::LANES;
 use body::{Body, Camera, Pose};
 use rayon::prelude::*;
 use render_gpu::{CpuScorer, MaskView, MeshBatch, OverlapCounts, ScoreError, SilhouetteScorer, TargetError};
@@ -56,9 +57,9 @@ impl BodyOverlap {
         self.positions_camera.resize(poses.len() * vertices_per_mesh, [0.0; 3]);
         let camera_from_world = self.camera.camera_from_world();
         self.positions_camera
-            .par_chunks_mut(vertices_per_mesh)
-            .zip(poses)
-            .for_each(|(positions, pose)| body.skin_in_camera(pose, &camera_from_world, positions));
+            .par_chunks_mut(LANES * vertices_per_mesh)
+            .zip(poses.par_chunks(LANES))
+            .for_each(|(positions, poses)| body.skin_batch_into(&camera_from_world, poses, positions));
         self.counts.resize(poses.len(), OverlapCounts::default());
         let batch = MeshBatch {
             positions_camera: &self.positions_camera,

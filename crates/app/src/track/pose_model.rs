@@ -1,22 +1,216 @@
-//! What a pose model must answer, and the two of this version: free joint angles and their principal components.
+//! Coordinates of a pose and what is known of them before a mask is seen: free joint angles, or their principal
+//! components.
 
-use body::{N_DOF, PosePrior, Skeleton};
+use body::pose_prior::PosePrior;
+use body::{JointId, N_DOF, Skeleton};
+use nalgebra::{DMatrix, DVector};
+
+use super::state::RIGID_DIM;
 
 /// Coordinates of a pose: the joint angles themselves, or fewer numbers from which they follow.
 ///
 /// # Laws
-/// `latent_from_angles` undoes `angles_from_latent` on clamped coordinates; `clamp` is idempotent.
-pub trait PoseModel: Sync {
-    /// Number of coordinates.
+/// - `latent_from_angles` undoes `angles_from_latent` for clamped coordinates, up to the joint limits.
+/// - `clamp` twice is `clamp` once.
+/// - `angles_from_latent` gives angles within the joint limits.
+pub trait PoseModel: Send + Sync {
+    /// Number of coordinates, at most [`N_DOF`].
     fn dim(&self) -> usize;
-    /// Joint angles, [n_dof], radians, within the joint limits.
+    /// The joint angles, [n_dof], radians, of coordinates [dim].
     fn angles_from_latent(&self, latent: &[f64], angles: &mut [f64]);
     /// The coordinates whose joint angles come nearest to `angles`.
     fn latent_from_angles(&self, angles: &[f64], latent: &mut [f64]);
     /// Brings coordinates back to where the model holds.
     fn clamp(&self, latent: &mut [f64]);
-    /// ln p(latent) up to a constant.
+    /// ln p(pose) up to a constant.
     fn log_prior(&self, latent: &[f64]) -> f64;
     /// Standard deviation of each coordinate's change from one frame to the next, [dim].
     fn step_sd(&self) -> &[f64];
+    /// Coordinates that belong together: trunk and head, each arm, each leg. Empty where coordinates move the whole body.
+    fn parts(&self) -> &[Vec<usize>];
+    /// The joint angles, [n_dof], radians, of an upright person seen for the first time.
+    fn mean_angles(&self) -> &[f64];
+}
+
+/// Every joint angle is a coordinate of its own, within hard limits and under one Gaussian. For motions that no
+/// training showed: a space of gaits cannot raise an arm.
+pub struct FreeJoints {
+    mean: Vec<f64>,
+    precision: DMatrix<f64>,
+    step_sd: Vec<f64>,
+    parts: Vec<Vec<usize>>,
+}
+
+/// By how much a prior is widened.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Widening {
+    /// Factor on all standard deviations of poses.
+    pub factor: f64,
+    /// Standard deviation added (in square) to each angle, as a share of the range between its limits.
+    pub least_sd: f64,
+    /// Least standard deviation of each angle's step from frame to frame, likewise.
+    pub least_step: f64,
+}
+
+impl FreeJoints {
+    /// The model of a learned prior, with a wider Gaussian: recordings of gait know little of what else a body can do, and
+    /// some joints hardly move in them.
+    pub fn new(prior: &PosePrior, widening: Widening) -> Self {
+        let mut covariance = prior.covariance() * widening.factor.powi(2);
+        let mut step_sd = Vec::with_capacity(N_DOF);
+        for (i, dof) in Skeleton::human().dofs().iter().enumerate() {
+            let range = dof.limits_rad[1] - dof.limits_rad[0];
+            covariance[(i, i)] += (widening.least_sd * range).powi(2);
+            step_sd.push(prior.step_covariance()[(RIGID_DIM + i, RIGID_DIM + i)].sqrt().max(widening.least_step * range));
+        }
+        let precision = covariance.try_inverse().expect("the covariance of a prior is positive definite");
+        Self { mean: prior.mean_rad().to_vec(), precision, step_sd, parts: joint_parts() }
+    }
+}
+
+impl PoseModel for FreeJoints {
+    fn dim(&self) -> usize {
+        N_DOF
+    }
+
+    fn angles_from_latent(&self, latent: &[f64], angles: &mut [f64]) {
+        angles.copy_from_slice(latent);
+    }
+
+    fn latent_from_angles(&self, angles: &[f64], latent: &mut [f64]) {
+        latent.copy_from_slice(angles);
+        self.clamp(latent);
+    }
+
+    fn clamp(&self, latent: &mut [f64]) {
+        clamp_angles(latent);
+    }
+
+    /// -1/2 (a - μ)ᵀ P (a - μ), with mean μ and precision P.
+    fn log_prior(&self, latent: &[f64]) -> f64 {
+        let mut sum = 0.0;
+        for (column, (a, mean)) in self.precision.column_iter().zip(latent.iter().zip(&self.mean)) {
+            let along: f64 =
+                column.iter().zip(latent.iter().zip(&self.mean)).map(|(p, (b, m))| p * (b - m)).sum();
+            sum += (a - mean) * along;
+        }
+        -0.5 * sum
+    }
+
+    fn step_sd(&self) -> &[f64] {
+        &self.step_sd
+    }
+
+    fn parts(&self) -> &[Vec<usize>] {
+        &self.parts
+    }
+
+    fn mean_angles(&self) -> &[f64] {
+        &self.mean
+    }
+}
+
+/// Joint angles by part of the body: trunk and head, left and right arm from the clavicle on, left and right leg.
+fn joint_parts() -> Vec<Vec<usize>> {
+    const ROOTS: [JointId; 4] =
+        [JointId::LEFT_CLAVICLE, JointId::RIGHT_CLAVICLE, JointId::LEFT_HIP, JointId::RIGHT_HIP];
+    let part_of = |mut joint: JointId| loop {
+        if let Some(limb) = ROOTS.iter().position(|root| *root == joint) {
+            return limb + 1;
+        }
+        match joint.parent() {
+            Some(parent) => joint = parent,
+            None => return 0,
+        }
+    };
+    let mut parts = vec![Vec::new(); ROOTS.len() + 1];
+    for (index, dof) in Skeleton::human().dofs().iter().enumerate() {
+        parts[part_of(dof.joint)].push(index);
+    }
+    parts
+}
+
+/// Joint angles are a mean and a sum of principal components; coordinates are in standard deviations, none beyond
+/// [`MAX_SD`].
+pub struct JointComponents {
+    mean: Vec<f64>,
+    /// Orthogonal columns, one standard deviation long, [n_dof, k].
+    basis: DMatrix<f64>,
+    /// Left inverse of the basis, [k, n_dof].
+    inverse: DMatrix<f64>,
+    step_sd: Vec<f64>,
+}
+
+impl JointComponents {
+    /// The first `k` components of a learned prior.
+    ///
+    /// # Panics
+    /// When there are not so many.
+    pub fn new(prior: &PosePrior, k: usize) -> Self {
+        let mean = prior.mean_rad().to_vec();
+        let column = |component: usize| {
+            let mut unit = vec![0.0; component + 1];
+            unit[component] = prior.component_sd_rad()[component];
+            DVector::from_iterator(N_DOF, prior.reconstruct(&unit).iter().zip(&mean).map(|(a, m)| a - m))
+        };
+        let basis = DMatrix::from_columns(&(0..k).map(column).collect::<Vec<_>>());
+        let inverse = (basis.transpose() * &basis).try_inverse().expect("components are independent") * basis.transpose();
+        let steps = prior.step_covariance().view((RIGID_DIM, RIGID_DIM), (N_DOF, N_DOF));
+        let latent_steps = &inverse * steps * inverse.transpose();
+        let step_sd = latent_steps.diagonal().iter().map(|variance| variance.sqrt()).collect();
+        Self { mean, basis, inverse, step_sd }
+    }
+}
+
+/// Coordinates of [`JointComponents`] reach so far: what lies beyond is not a captured motion.
+const MAX_SD: f64 = 3.0;
+
+impl PoseModel for JointComponents {
+    fn dim(&self) -> usize {
+        self.basis.ncols()
+    }
+
+    fn angles_from_latent(&self, latent: &[f64], angles: &mut [f64]) {
+        angles.copy_from_slice(&self.mean);
+        for (column, z) in self.basis.column_iter().zip(latent) {
+            for (angle, along) in angles.iter_mut().zip(column.iter()) {
+                *angle += z * along;
+            }
+        }
+        clamp_angles(angles);
+    }
+
+    fn latent_from_angles(&self, angles: &[f64], latent: &mut [f64]) {
+        let offset = DVector::from_iterator(N_DOF, angles.iter().zip(&self.mean).map(|(a, m)| a - m));
+        latent.copy_from_slice((&self.inverse * offset).as_slice());
+        self.clamp(latent);
+    }
+
+    fn clamp(&self, latent: &mut [f64]) {
+        for z in latent {
+            *z = z.clamp(-MAX_SD, MAX_SD);
+        }
+    }
+
+    fn log_prior(&self, latent: &[f64]) -> f64 {
+        -0.5 * latent.iter().map(|z| z * z).sum::<f64>()
+    }
+
+    fn step_sd(&self) -> &[f64] {
+        &self.step_sd
+    }
+
+    fn parts(&self) -> &[Vec<usize>] {
+        &[]
+    }
+
+    fn mean_angles(&self) -> &[f64] {
+        &self.mean
+    }
+}
+
+fn clamp_angles(angles: &mut [f64]) {
+    for (angle, dof) in angles.iter_mut().zip(Skeleton::human().dofs()) {
+        *angle = dof.clamp(*angle);
+    }
 }

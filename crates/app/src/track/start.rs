@@ -26,21 +26,39 @@ pub struct Placement {
     pub score: f64,
 }
 
+/// Why a body cannot be placed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlaceError {
+    /// The distortion of the camera leads no ray to the person.
+    #[error("camera: `distortion` folds over before the pixel ({x_px:.0}, {y_px:.0}), the middle of the person")]
+    NoRay {
+        /// Pixel at working resolution.
+        x_px: f64,
+        /// Pixel at working resolution.
+        y_px: f64,
+    },
+    /// The overlap cannot be counted.
+    #[error("cannot lay the body over the mask")]
+    Score(#[from] ScoreError),
+}
+
 /// Places an upright body with these joint angles and heading where its silhouette covers the mask best: the pelvis lies
 /// on the ray through the middle of the mask, at the distance at which size and floor agree.
 ///
 /// # Errors
-/// When the overlap cannot be counted.
+/// When the overlap cannot be counted, or the lens of the camera shows nothing at the middle of the mask.
 ///
 /// # Panics
-/// When the mask is empty or not that of `overlap`'s camera.
+/// When the mask is empty or not the one that `overlap` counts against.
 pub fn place_upright(
     overlap: &mut BodyOverlap,
     mask: &Mask,
     angles: &[f64],
     heading_rad: f64,
-) -> Result<Placement, ScoreError> {
-    let ray = overlap.camera().ray(centroid_px(mask));
+) -> Result<Placement, PlaceError> {
+    let middle_px = DVec2::from_array(mask.centroid_px().expect("somebody is on the mask"));
+    let ray = overlap.camera().ray(middle_px).ok_or(PlaceError::NoRay { x_px: middle_px.x, y_px: middle_px.y })?;
     let log_ratio = (DISTANCES_M.end / DISTANCES_M.start).ln() / (N_DISTANCES - 1) as f64;
     let poses: Vec<Pose> = (0..N_DISTANCES)
         .map(|step| {
@@ -55,7 +73,7 @@ pub fn place_upright(
         .into_iter()
         .zip(ious)
         .map(|(pose, iou)| {
-            let floor_gap_m = lowest_sole_m(&overlap.body().joints(&pose), overlap.body().rest_joints());
+            let floor_gap_m = lowest_sole_m(&overlap.body().joints_world(&pose), overlap.body().rest_joints());
             let score = iou - FLOOR_LOSS * (floor_gap_m / FLOOR_TOLERANCE_M).powi(2);
             Placement { pose, score }
         })
@@ -80,18 +98,3 @@ const FEET: [JointId; 6] = [
     JointId::RIGHT_BALL,
     JointId::RIGHT_TOE_TIP,
 ];
-
-/// Mean of the mask's pixel centres, pixels.
-fn centroid_px(mask: &Mask) -> DVec2 {
-    let (mut sum, mut n) = (DVec2::ZERO, 0.0);
-    for y in 0..mask.height() {
-        for x in 0..mask.width() {
-            if mask.get(x, y) {
-                sum += DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-                n += 1.0;
-            }
-        }
-    }
-    assert!(n > 0.0, "an empty mask has no middle");
-    sum / n
-}

@@ -23,6 +23,27 @@ pub struct BodyState {
     pub latent: [f64; N_DOF],
 }
 
+/// Numbers of a state in a file.
+const FILE_LEN: usize = 3 + 4 + N_DOF;
+
+impl BodyState {
+    /// The state as plain numbers: position, orientation as x y z w, pose coordinates.
+    pub fn to_numbers(self) -> [f64; FILE_LEN] {
+        let mut numbers = [0.0; FILE_LEN];
+        self.position.write_to_slice(&mut numbers[..3]);
+        self.orientation.write_to_slice(&mut numbers[3..7]);
+        numbers[7..].copy_from_slice(&self.latent);
+        numbers
+    }
+
+    /// Undoes [`to_numbers`](Self::to_numbers); none of another count of numbers.
+    pub fn from_numbers(numbers: &[f64]) -> Option<Self> {
+        let latent = numbers.get(7..)?.try_into().ok()?;
+        let (position, orientation) = (DVec3::from_slice(numbers), DQuat::from_slice(&numbers[3..]));
+        Some(Self { position, orientation, latent })
+    }
+}
+
 /// The space of [`BodyState`]s. A step is, in this order: position in the pelvis frame (metres), rotation vector in the
 /// pelvis frame (radians), pose coordinates. In the pelvis frame the steps of a walk are alike for all headings.
 #[derive(Clone)]
@@ -51,7 +72,7 @@ impl BodySpace {
 
     /// The pose of `state`.
     pub fn pose(&self, state: &BodyState) -> Pose {
-        let mut pose = Pose::upright(DVec3::ZERO, 0.0);
+        let mut pose = blank_pose();
         self.pose_into(state, &mut pose);
         pose
     }
@@ -91,6 +112,11 @@ impl StateSpace for BodySpace {
             *out = b - a;
         }
     }
+}
+
+/// A pose to be overwritten.
+pub fn blank_pose() -> Pose {
+    Pose::upright(DVec3::ZERO, 0.0)
 }
 
 /// The one of `q` and `-q`, which are the same rotation, that turns by no more than half a turn.

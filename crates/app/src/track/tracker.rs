@@ -3,10 +3,11 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use body::{Body, Camera, N_JOINTS, Pose};
-use glam::DVec3;
+use anyhow::Context as _;
+use body::{Body, Camera, Intrinsics, N_JOINTS};
+use pf_core::estimate::weighted_mean;
 use pf_core::schedule::{DiffusionConfig, Geometric, GeometricConfig};
-use pf_core::{Filter, FilterConfig, FilterParams, FilterState, FrameView, Gaussian, RandomWalk, Step};
+use pf_core::{Filter, FilterConfig, FilterParams, FilterState, Gaussian, RandomWalk, StateSpace as _, Step};
 use silhouette::Mask;
 
 use super::likelihood::{Observation, SilhouetteLikelihood};
@@ -14,40 +15,9 @@ use super::moves::BodyMoves;
 use super::overlap::BodyOverlap;
 use super::pose_model::PoseModel;
 use super::start::place_upright;
-use super::state::{BodySpace, BodyState, RIGID_DIM};
+use super::state::{BodySpace, BodyState, RIGID_DIM, blank_pose};
 use crate::config::TrackParams;
-
-/// What became of the person on a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Tracking {
-    /// Seen and explained by the body.
-    Tracked,
-    /// Not seen: the pose is carried on from the frames before.
-    Coasting,
-    /// Not seen for too long, or not explained by any pose tried.
-    Lost,
-}
-
-/// The tracker's answer to a frame.
-#[derive(Clone, Debug)]
-pub struct Estimate {
-    /// Whether to rely on it.
-    pub tracking: Tracking,
-    /// Weighted mean of the particles.
-    pub pose: Pose,
-    /// Joint positions of that pose, [n_joints], metres, world.
-    pub joints_world: [DVec3; N_JOINTS],
-    /// Standard deviation of each joint's position among the particles, [n_joints], metres: root of the summed variances.
-    pub joint_sd_m: [f64; N_JOINTS],
-    /// Intersection over union of that pose and the mask; 0 without a mask.
-    pub iou: f64,
-    /// Effective sample size of the last layer.
-    pub effective_sample_size: f64,
-    /// Particles of the frame before that have a descendant in the last layer.
-    pub unique_ancestors: usize,
-    /// The filter's log evidence of the frame; 0 without a mask.
-    pub log_evidence: f64,
-}
+use crate::run_folder::{FrameRecord, Status};
 
 /// Standard deviation of the pelvis's change from one frame to the next: position (metres) and rotation (radians), in the
 /// pelvis frame.
@@ -67,8 +37,6 @@ const START_RIVALS: usize = 3;
 const LOST_IOU: f64 = 0.4;
 /// Frames under that overlap in a row that make a loss.
 const LOST_FRAMES: u32 = 5;
-/// A mask of fewer pixels, at working resolution, shows nobody.
-const LEAST_AREA_PX: u64 = 200;
 
 type BodyFilter = Filter<BodySpace, RandomWalk<Observation>>;
 
@@ -97,7 +65,12 @@ pub struct Tracker {
 /// What a tracker remembers between frames.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct TrackerState {
-    filter: FilterState<BodyState>,
+    frame: u64,
+    /// [`BodyState::to_numbers`] of each particle.
+    particles: Vec<Vec<f64>>,
+    weights: Vec<f64>,
+    source_shares: Vec<f64>,
+    log_evidence: f64,
     unseen: u32,
     badly_explained: u32,
 }
@@ -110,10 +83,10 @@ impl Tracker {
     /// When the masks do not fit the camera.
     ///
     /// # Panics
-    /// Without a mask, or when the first one [shows nobody](shows_somebody).
-    pub fn start(scene: Scene, frame: u64, masks: &[Mask]) -> anyhow::Result<Self> {
-        let headings: Vec<f64> = match scene.params.initial_heading_deg {
-            Some(heading_deg) => vec![heading_deg.to_radians()],
+    /// Without a mask, or when the first one is empty.
+    pub fn start(scene: Scene, frame: u64, masks: &[Mask], heading_rad: Option<f64>) -> anyhow::Result<Self> {
+        let headings: Vec<f64> = match heading_rad {
+            Some(heading_rad) => vec![heading_rad],
             None => (0..START_HEADINGS).map(|k| k as f64 * TAU / START_HEADINGS as f64).collect(),
         };
         let mut rivals = Vec::new();
@@ -144,9 +117,8 @@ impl Tracker {
     fn start_towards(scene: Scene, frame: u64, mask: &Mask, heading_rad: f64) -> anyhow::Result<(Self, f64)> {
         let mut tracker = Self::new(scene)?;
         tracker.likelihood.overlap.set_mask(mask)?;
-        let mut angles = vec![0.0; body::N_DOF];
-        tracker.scene.model.mean_angles(&mut angles);
-        let placement = place_upright(&mut tracker.likelihood.overlap, mask, &angles, heading_rad)?;
+        let angles = tracker.scene.model.mean_angles();
+        let placement = place_upright(&mut tracker.likelihood.overlap, mask, angles, heading_rad)?;
         let placed = tracker.filter.space().state_from_pose(&placement.pose);
         let spread = Gaussian::diagonal(
             START_SD
@@ -179,14 +151,23 @@ impl Tracker {
         let space = BodySpace::new(scene.model.clone());
         let step_sd: Vec<f64> =
             RIGID_STEP_SD.iter().chain(scene.model.step_sd()).map(|sd| params.diffusion * sd).collect();
-        let noise = Gaussian::diagonal(step_sd)?;
+        let noise = Gaussian::diagonal(step_sd.clone())?;
         let schedule = Geometric::new(GeometricConfig {
             layers: params.layers,
             first_beta: params.annealing_ratio.powi(params.layers as i32 - 1),
             last_beta: 1.0,
             diffusion: DiffusionConfig { first: params.diffusion_ratio, ratio: params.diffusion_ratio },
         })?;
-        let moves = BodyMoves::new(noise.clone(), &scene);
+        let moves = BodyMoves {
+            step_sd: step_sd.clone(),
+            body: scene.body.clone(),
+            camera_centre: scene.camera.centre_world(),
+            exchange_share: params.exchange_share,
+            part_share: params.part_share,
+            mirror_share: params.mirror_share,
+            ground_share: params.ground_share,
+            survivors: Vec::new(),
+        };
         let filter_params = FilterParams::new(FilterConfig {
             n_particles: params.particles as usize,
             seed: params.seed,
@@ -205,16 +186,34 @@ impl Tracker {
     /// When the state is not that of a filter.
     pub fn resume(scene: Scene, state: TrackerState) -> anyhow::Result<Self> {
         let mut tracker = Self::new(scene)?;
-        tracker.filter.restore(state.filter)?;
+        let particles: Option<Vec<_>> =
+            state.particles.iter().map(|numbers| BodyState::from_numbers(numbers)).collect();
+        tracker.filter.restore(FilterState {
+            frame: state.frame,
+            particles: particles.context("checkpoint: `particles` have the wrong number of coordinates")?,
+            weights: state.weights,
+            source_shares: state.source_shares,
+            log_evidence: state.log_evidence,
+        })?;
         tracker.unseen = state.unseen;
         tracker.badly_explained = state.badly_explained;
         Ok(tracker)
     }
 
+    /// The camera, at working resolution.
+    pub fn camera(&self) -> &Camera {
+        &self.scene.camera
+    }
+
     /// All that the tracker remembers.
     pub fn checkpoint(&self) -> TrackerState {
+        let filter = self.filter.checkpoint();
         TrackerState {
-            filter: self.filter.checkpoint(),
+            frame: filter.frame,
+            particles: filter.particles.iter().map(|state| state.to_numbers().to_vec()).collect(),
+            weights: filter.weights,
+            source_shares: filter.source_shares,
+            log_evidence: filter.log_evidence,
             unseen: self.unseen,
             badly_explained: self.badly_explained,
         }
@@ -224,37 +223,63 @@ impl Tracker {
     ///
     /// # Errors
     /// When the mask does not fit the camera.
-    pub fn step(&mut self, mask: &Mask) -> anyhow::Result<Estimate> {
+    pub fn step(&mut self, mask: &Mask) -> anyhow::Result<FrameRecord> {
         let observation = Observation { mask: mask.clone() };
-        if !shows_somebody(mask) {
-            return self.coast(&observation);
-        }
         self.unseen = 0;
         self.likelihood.overlap.set_mask(mask)?;
-        let view = match self.filter.step(&observation, &mut self.likelihood, &mut ())? {
-            Step::Tracked(view) => Some(Figures::of(&view)),
+        let figures = match self.filter.step(&observation, &mut self.likelihood, &mut ())? {
+            Step::Tracked(view) => view.layers.last().map(|last| (last.unique_ancestors as u64, view.log_evidence)),
             Step::Lost(_) => None,
         };
-        let mut estimate = self.estimate(Tracking::Tracked);
+        let mut estimate = self.estimate(Status::Tracked);
         estimate.iou = self.likelihood.overlap.counts(std::slice::from_ref(&estimate.pose))?[0].iou();
-        let is_explained = view.is_some() && estimate.iou >= LOST_IOU;
+        (estimate.unique_ancestors, estimate.log_evidence) = figures.unwrap_or((0, f64::NEG_INFINITY));
+        let is_explained = figures.is_some() && estimate.iou >= LOST_IOU;
         self.badly_explained = if is_explained { 0 } else { self.badly_explained + 1 };
-        if self.badly_explained >= LOST_FRAMES || view.is_none() {
-            estimate.tracking = Tracking::Lost;
-        }
-        if let Some(figures) = view {
-            estimate.effective_sample_size = figures.effective_sample_size;
-            estimate.unique_ancestors = figures.unique_ancestors;
-            estimate.log_evidence = figures.log_evidence;
+        if self.badly_explained >= LOST_FRAMES || figures.is_none() {
+            estimate.status = Status::Lost;
         }
         Ok(estimate)
     }
 
     /// A frame that shows nobody: the particles spread as the motion does.
-    fn coast(&mut self, observation: &Observation) -> anyhow::Result<Estimate> {
+    ///
+    /// # Errors
+    /// Never for a tracker that has started.
+    pub fn coast(&mut self) -> anyhow::Result<FrameRecord> {
         self.unseen += 1;
-        self.filter.predict(observation)?;
+        let Intrinsics { width, height, .. } = *self.scene.camera.intrinsics();
+        self.filter.predict(&Observation { mask: Mask::new(width, height) })?;
         let is_short = self.unseen <= self.scene.params.coast_frames;
-        Ok(self.estimate(if is_short { Tracking::Coasting } else { Tracking::Lost }))
+        Ok(self.estimate(if is_short { Status::Coasting } else { Status::Lost }))
+    }
+
+    /// The weighted mean of the particles as a pose, without what only a mask tells.
+    fn estimate(&self, status: Status) -> FrameRecord {
+        let (space, body) = (self.filter.space(), &self.scene.body);
+        let (states, weights) = (self.filter.particles(), self.filter.weights());
+        let pose = space.pose(&weighted_mean(space, states, weights));
+        let joints_world = body.joints_world(&pose);
+        let mut variance_m2 = [0.0; N_JOINTS];
+        let mut particle = blank_pose();
+        for (state, weight) in states.iter().zip(weights.as_slice()) {
+            space.pose_into(state, &mut particle);
+            for (variance, (a, b)) in
+                variance_m2.iter_mut().zip(body.joints_world(&particle).iter().zip(&joints_world))
+            {
+                *variance += weight * a.distance_squared(*b);
+            }
+        }
+        FrameRecord {
+            frame: self.filter.next_frame() - 1,
+            status,
+            pose,
+            joints_world,
+            joint_sd_m: variance_m2.map(f64::sqrt),
+            iou: 0.0,
+            effective_sample_size: weights.effective_sample_size(),
+            unique_ancestors: 0,
+            log_evidence: 0.0,
+        }
     }
 }

@@ -1,0 +1,105 @@
+//! `umbra eval`: accuracy against reference data.
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::bail;
+use clap::{Args, Subcommand};
+
+use super::track::{SettingsArgs, exec_config, parse_frames};
+use crate::eval::{real, stage_masks};
+
+/// What is evaluated.
+#[derive(Debug, Subcommand)]
+pub enum EvalCommand {
+    /// A real clip against its reference joints.
+    Real(RealArgs),
+    /// Masks cut from rendered colour clips against the clean ones.
+    StageMasks(StageMasksArgs),
+}
+
+/// Arguments of `umbra eval real`.
+#[derive(Debug, Args)]
+pub struct RealArgs {
+    /// Folder with video.mp4 and background.png (or masks/), camera.toml and joints3d.csv [default: real/balance of the data folder].
+    #[arg(long)]
+    data: Option<PathBuf>,
+    /// Frames A..B only.
+    #[arg(long, value_parser = parse_frames)]
+    frames: Option<std::ops::Range<u64>>,
+    /// Number of seeds.
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..))]
+    seeds: u64,
+    /// Where eval.json and the run folders go.
+    #[arg(long, default_value = "runs/eval-real")]
+    out: PathBuf,
+    /// Worker threads.
+    #[arg(long)]
+    threads: Option<usize>,
+    #[command(flatten)]
+    settings: SettingsArgs,
+}
+
+/// Arguments of `umbra eval stage-masks`.
+#[derive(Debug, Args)]
+pub struct StageMasksArgs {
+    /// A stage-like data set, or one sequence of it [default: stage of the data folder].
+    #[arg(long)]
+    data: Option<PathBuf>,
+    /// Where eval.json goes.
+    #[arg(long, default_value = "runs/eval-stage-masks")]
+    out: PathBuf,
+}
+
+/// Runs the command and prints its table.
+pub fn run(command: &EvalCommand) -> anyhow::Result<()> {
+    let table = match command {
+        EvalCommand::Real(args) => {
+            let report = real::evaluate(&real::RealEval {
+                data: data_folder(args.data.as_deref(), "real/balance")?,
+                frames: args.frames.clone(),
+                seeds: args.seeds,
+                out: args.out.clone(),
+                config: args.settings.config()?,
+                exec: exec_config(args.threads)?,
+            })?;
+            real::table(&report)
+        }
+        EvalCommand::StageMasks(args) => {
+            let data = data_folder(args.data.as_deref(), "stage")?;
+            stage_masks_table(&stage_masks::evaluate(&data, &args.out)?)
+        }
+    };
+    std::io::stdout().write_all(table.as_bytes())?;
+    Ok(())
+}
+
+/// The folder asked for, else `inside` the data folder that `UMBRA_DATA` names or that lies beside the repository.
+pub fn data_folder(asked: Option<&Path>, inside: &str) -> anyhow::Result<PathBuf> {
+    if let Some(folder) = asked {
+        return Ok(folder.to_owned());
+    }
+    let root = std::env::var_os("UMBRA_DATA").map_or_else(
+        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
+        PathBuf::from,
+    );
+    let folder = root.join(inside);
+    if !folder.is_dir() {
+        bail!("{}: no such folder; give --data FOLDER, or name the data folder in UMBRA_DATA", folder.display());
+    }
+    Ok(folder)
+}
+
+fn stage_masks_table(report: &stage_masks::MaskReport) -> String {
+    let mut text = String::from("| clip | background | frames | mean IoU | worst IoU (frame) |\n|---|---|---:|---:|---:|\n");
+    for clip in &report.clips {
+        let name = clip.clip.strip_prefix(&report.data).unwrap_or(&clip.clip).display();
+        let _ = writeln!(
+            text,
+            "| {name} | {} | {} | {:.4} | {:.4} ({}) |",
+            clip.background, clip.frames, clip.iou_mean, clip.iou_worst, clip.worst_frame
+        );
+    }
+    text
+}

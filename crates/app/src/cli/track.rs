@@ -1,0 +1,194 @@
+//! `umbra track`: the arguments, and what is printed when the run is done.
+
+use std::path::PathBuf;
+
+use anyhow::{Context as _, bail};
+use clap::Args;
+
+use crate::config::{ExecConfig, Motion, TrackConfig};
+use crate::progress::note;
+use crate::run_folder::Existing;
+use crate::track::{Background, CameraChoice, ClipInput, TrackJob, TrackOutcome, track_clip};
+
+/// Arguments of `umbra track`.
+#[derive(Debug, Args)]
+pub struct TrackArgs {
+    /// A video, a folder of PNG or JPEG frames, or (with --masks) a folder of masks.
+    input: PathBuf,
+    /// The run folder to write.
+    #[arg(long)]
+    out: PathBuf,
+    /// The calibrated camera: TOML, JSON, OpenCV YAML, or a 22-number .cal file.
+    #[arg(long, conflicts_with_all = ["focal_px", "fov_deg"])]
+    camera: Option<PathBuf>,
+    /// Without a calibration: the focal length in pixels. A level camera 1.5 m above the floor is assumed.
+    #[arg(long, conflicts_with = "fov_deg")]
+    focal_px: Option<f64>,
+    /// Without a calibration: the horizontal field of view in degrees. A level camera 1.5 m above the floor is assumed.
+    #[arg(long)]
+    fov_deg: Option<f64>,
+    /// A picture of the empty scene; without it the background is learned from the video.
+    #[arg(long, conflicts_with = "masks")]
+    background: Option<PathBuf>,
+    /// How to learn the background when there is no picture of it.
+    #[arg(long, value_enum, default_value_t = Learn::Median, conflicts_with_all = ["background", "masks"])]
+    learn_background: Learn,
+    /// The input is a folder of ready masks: person white, everything else black.
+    #[arg(long)]
+    masks: bool,
+    /// Frames A..B only: the first, and the one after the last.
+    #[arg(long, value_parser = parse_frames)]
+    frames: Option<std::ops::Range<u64>>,
+    /// Frames a second, where the input does not say.
+    #[arg(long)]
+    fps: Option<f64>,
+    /// Leave source frames out of everything that is written.
+    #[arg(long)]
+    redact: bool,
+    /// Go on with an interrupted run.
+    #[arg(long)]
+    resume: bool,
+    /// Replace a run that is already in the folder.
+    #[arg(long, conflicts_with = "resume")]
+    force: bool,
+    /// Worker threads; the results do not depend on them.
+    #[arg(long)]
+    threads: Option<usize>,
+    #[command(flatten)]
+    settings: SettingsArgs,
+}
+
+/// How a background is learned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Learn {
+    /// Median over the clip: the person must stand at no place for half of it.
+    Median,
+    /// Running mixture of Gaussians.
+    Mixture,
+}
+
+/// The settings that change the answer; those not given keep the value of the settings file or the default.
+#[derive(Debug, Default, Args)]
+#[command(next_help_heading = "Settings")]
+pub struct SettingsArgs {
+    /// A TOML file of settings, as in the table `settings` of a run.toml.
+    #[arg(long)]
+    config: Option<PathBuf>,
+    /// Seed of every random draw.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Particles of the filter.
+    #[arg(long)]
+    particles: Option<u32>,
+    /// Annealing layers a frame.
+    #[arg(long)]
+    layers: Option<u32>,
+    /// Motions that are expected.
+    #[arg(long, value_enum)]
+    motion: Option<Motion>,
+    /// Stature of the person in metres.
+    #[arg(long)]
+    stature_m: Option<f64>,
+    /// Heading on the first frame in degrees, anticlockwise from world +x as seen from above; searched for when absent.
+    #[arg(long, allow_negative_numbers = true)]
+    initial_heading_deg: Option<f64>,
+}
+
+impl SettingsArgs {
+    /// The settings of the file, if one is given, under those of the command line.
+    pub fn config(&self) -> anyhow::Result<TrackConfig> {
+        let mut config = match &self.config {
+            None => TrackConfig::default(),
+            Some(path) => {
+                let text = std::fs::read_to_string(path)
+                    .with_context(|| format!("{}: cannot read the settings", path.display()))?;
+                toml::from_str(&text).with_context(|| format!("{}: not settings", path.display()))?
+            }
+        };
+        set(&mut config.seed, self.seed);
+        set(&mut config.particles, self.particles);
+        set(&mut config.layers, self.layers);
+        set(&mut config.motion, self.motion);
+        set(&mut config.stature_m, self.stature_m);
+        config.initial_heading_deg = self.initial_heading_deg.or(config.initial_heading_deg);
+        Ok(config)
+    }
+}
+
+fn set<T>(setting: &mut T, given: Option<T>) {
+    if let Some(value) = given {
+        *setting = value;
+    }
+}
+
+/// `A..B` with A below B.
+pub fn parse_frames(text: &str) -> Result<std::ops::Range<u64>, String> {
+    let parsed = text.split_once("..").and_then(|(a, b)| Some(a.parse().ok()?..b.parse().ok()?));
+    match parsed {
+        Some(range) if range.start < range.end => Ok(range),
+        _ => Err("expected A..B, the first frame and the one after the last, with A below B".to_owned()),
+    }
+}
+
+/// The thread pool of the whole program, when a number of threads is asked for.
+pub fn exec_config(threads: Option<usize>) -> anyhow::Result<ExecConfig> {
+    match threads {
+        None => Ok(ExecConfig::default()),
+        Some(0) => bail!("`--threads` is 0, expected 1 or more"),
+        Some(threads) => Ok(ExecConfig { threads }),
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &TrackArgs) -> anyhow::Result<()> {
+    let input = if args.masks {
+        ClipInput::Masks(args.input.clone())
+    } else {
+        let background = match (&args.background, args.learn_background) {
+            (Some(plate), _) => Background::Plate(plate.clone()),
+            (None, Learn::Median) => Background::Median,
+            (None, Learn::Mixture) => Background::Mixture,
+        };
+        ClipInput::Frames(args.input.clone(), background)
+    };
+    let camera = match (&args.camera, args.focal_px, args.fov_deg) {
+        (Some(path), ..) => CameraChoice::File(path.clone()),
+        (None, Some(focal_px), _) => CameraChoice::Focal(focal_px),
+        (None, None, Some(fov_deg)) => CameraChoice::FieldOfView(fov_deg),
+        (None, None, None) => {
+            bail!("no camera: give --camera FILE, or --focal-px or --fov-deg for one that is assumed to be level")
+        }
+    };
+    let existing = match (args.resume, args.force) {
+        (true, _) => Existing::Resume,
+        (_, true) => Existing::Replace,
+        _ => Existing::Refuse,
+    };
+    let job = TrackJob {
+        input,
+        camera,
+        out: args.out.clone(),
+        config: args.settings.config()?,
+        frames: args.frames.clone(),
+        fps: args.fps,
+        redact: args.redact,
+        existing,
+    };
+    let outcome = track_clip(&job, exec_config(args.threads)?)?;
+    report(&job, &outcome);
+    Ok(())
+}
+
+/// Says what was written and what to open.
+pub fn report(job: &TrackJob, outcome: &TrackOutcome) {
+    let out = job.out.display();
+    note(&format!(
+        "tracked {} of {} frames at {:.1} frames a second; mean overlap of body and mask {:.3}",
+        outcome.n_tracked(),
+        outcome.frames.len(),
+        outcome.fps,
+        outcome.mean_iou(),
+    ));
+    note(&format!("open {out}/filmstrip.png for a first look, {out}/overlay/ for every frame,"));
+    note(&format!("{out}/run.mcap in Foxglove or Rerun; `umbra info {out}` prints the summary"));
+}

@@ -1,0 +1,23 @@
+//! The tracker: glue of body, silhouettes, scorer and filter.
+//!
+//! # Map
+//! [`clip`] masks of a clip · [`camera_choice`] its camera · [`state`] what is estimated · [`pose_model`] what poses are likely ·
+//! [`overlap`], [`likelihood`] how well a state explains a mask · [`moves`], [`limb`] how particles move · [`start`] where they
+//! begin · [`tracker`] frame after frame · [`follower`] losses and new starts · [`pipeline`] from the input to the run folder
+
+pub mod camera_choice;
+pub mod clip;
+pub mod follower;
+pub mod likelihood;
+pub mod limb;
+pub mod moves;
+pub mod overlap;
+pub mod pipeline;
+pub mod pose_model;
+pub mod start;
+pub mod state;
+pub mod tracker;
+
+pub use camera_choice::CameraChoice;
+pub use clip::{Background, ClipInput, ClipReader};
+pub use pipeline::{NobodyFound, TrackJob, TrackOutcome, track_clip};

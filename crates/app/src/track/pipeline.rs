@@ -1,0 +1,254 @@
+//! The road of a clip: frames, masks, tracker, run folder.
+
+use std::collections::VecDeque;
+use std::ops::Range;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use anyhow::{Context as _, bail};
+use body::pose_prior::PosePrior;
+use body::{BodyModel, Camera};
+use silhouette::Mask;
+
+use super::camera_choice::CameraChoice;
+use super::clip::{Background, ClipFrame, ClipInput, ClipReader};
+use super::follower::Follower;
+use super::pose_model::{FreeJoints, JointComponents, PoseModel};
+use crate::config::{ExecConfig, Motion, TrackConfig, TrackParams};
+use crate::progress::Progress;
+use crate::run_folder::{Existing, FrameRecord, RunHeader, RunInput, RunWriter, Status};
+
+/// Rate of a clip that does not say.
+const DEFAULT_FPS: f64 = 60.0;
+/// Masks beyond the current one that a start looks at.
+const START_MASKS: usize = 12;
+/// Frames from one checkpoint to the next.
+const CHECKPOINT_EVERY: u64 = 10;
+
+/// A run to be made.
+#[derive(Clone, Debug)]
+pub struct TrackJob {
+    /// Where masks come from.
+    pub input: ClipInput,
+    /// The camera.
+    pub camera: CameraChoice,
+    /// The run folder.
+    pub out: PathBuf,
+    /// Settings.
+    pub config: TrackConfig,
+    /// Frames to track; all when absent.
+    pub frames: Option<std::ops::Range<u64>>,
+    /// Frames a second, where the input does not say.
+    pub fps: Option<f64>,
+    /// Leave source frames out of what is written.
+    pub redact: bool,
+    /// What to do with a run that is already there.
+    pub existing: Existing,
+}
+
+/// No mask of the clip showed a person.
+#[derive(Debug, thiserror::Error)]
+#[error("{input}: none of the {frames} frames shows a person, expected a mask of one on at least one frame")]
+pub struct NobodyFound {
+    /// The input.
+    pub input: String,
+    /// Frames looked at.
+    pub frames: u64,
+}
+
+/// What a run came to.
+pub struct TrackOutcome {
+    /// Every frame, in order.
+    pub frames: Vec<FrameRecord>,
+    /// The camera, at full resolution.
+    pub camera: Camera,
+    /// Frames a second, decoding and run folder included.
+    pub fps: f64,
+}
+
+impl TrackOutcome {
+    /// Frames on which the person was seen and explained.
+    pub fn n_tracked(&self) -> usize {
+        self.frames.iter().filter(|frame| frame.status == Status::Tracked).count()
+    }
+
+    /// Mean intersection over union of body and mask, frames without a person included as 0.
+    pub fn mean_iou(&self) -> f64 {
+        self.frames.iter().map(|frame| frame.iou).sum::<f64>() / self.frames.len() as f64
+    }
+}
+
+/// Tracks the person of a clip and writes the run folder.
+///
+/// # Errors
+/// When an input cannot be used, the results cannot be written, or [nobody](NobodyFound) is on any frame. What was
+/// computed before stays in the run folder for a resumed run.
+pub fn track_clip(job: &TrackJob, exec: ExecConfig) -> anyhow::Result<TrackOutcome> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(exec.threads)
+        .build()
+        .with_context(|| format!("cannot start {} threads", exec.threads))?;
+    pool.install(|| run(job))
+}
+
+fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
+    let params = TrackParams::new(job.config.clone())?;
+    let reader = ClipReader::open(&job.input)?;
+    let info = reader.info().clone();
+    let known = job.camera.resolve(&info)?;
+    let fps = job.fps.or(known.fps).or(info.fps).unwrap_or(DEFAULT_FPS);
+    if !(fps > 0.0 && fps.is_finite()) {
+        bail!("`fps` is {fps}, expected a number above 0");
+    }
+    let body = Arc::new(BodyModel::builtin().shape_for_stature(params.stature_m, None));
+    let header = RunHeader {
+        inputs: inputs(job),
+        settings: settings_table(job)?,
+        assumptions: known.assumptions.clone(),
+        fps,
+        redact: job.redact,
+        camera: known.camera.clone(),
+        body: body.clone(),
+    };
+    let (mut writer, resumed) = RunWriter::open(&job.out, job.existing, header)?;
+    let mut follower = Follower::new(body, known.camera.clone(), pose_model(&params), params);
+    let mut frames = Vec::new();
+    if let Some(resumed) = resumed {
+        follower.restore(&resumed.checkpoint)?;
+        frames = resumed.frames;
+    }
+
+    let range = job.frames.clone().unwrap_or(0..u64::MAX);
+    let total = info.n_frames.map(|n| n.min(range.end).saturating_sub(range.start));
+    let mut progress = Progress::start("tracking", frames.len() as u64, total);
+    for assumption in &known.assumptions {
+        progress.note(assumption);
+    }
+    let first = frames.last().map_or(range.start, |last: &FrameRecord| last.frame + 1);
+    let mut window = Window::new(reader, first..range.end);
+    let cut_short_by = loop {
+        match window.advance() {
+            Ok(true) => {}
+            Ok(false) => break None,
+            Err(error) => break Some(error),
+        }
+        let frame = &window.frames[0];
+        let masks: Vec<&Mask> = window.frames.iter().map(|frame| &frame.mask).collect();
+        if let Some(record) = follower.step(frame.index, &masks)? {
+            let is_due = (frame.index + 1).is_multiple_of(CHECKPOINT_EVERY);
+            let checkpoint = if is_due { follower.checkpoint()? } else { None };
+            writer.push(&record, frame.picture.as_ref(), &frame.mask, checkpoint.as_deref())?;
+            frames.push(record);
+        }
+        progress.advance();
+    };
+    let fps_achieved = progress.rate();
+    if frames.is_empty() {
+        return Err(match cut_short_by {
+            Some(error) => error,
+            None => NobodyFound { input: info.path.display().to_string(), frames: window.n_read }.into(),
+        });
+    }
+    writer.finish(cut_short_by.as_ref().map(|error| format!("{error:#}")).as_deref())?;
+    match cut_short_by {
+        Some(error) => Err(error.context(format!(
+            "{}: stopped after {} frames, which are kept",
+            job.out.display(),
+            frames.len()
+        ))),
+        None => Ok(TrackOutcome { frames, camera: known.camera, fps: fps_achieved }),
+    }
+}
+
+/// The frame that is worked on and those after it that are read already.
+struct Window {
+    reader: ClipReader,
+    range: Range<u64>,
+    frames: VecDeque<ClipFrame>,
+    /// Why no more can be read; told when the frames read before are used up.
+    broken: Option<anyhow::Error>,
+    is_at_end: bool,
+    n_read: u64,
+}
+
+impl Window {
+    fn new(reader: ClipReader, range: Range<u64>) -> Self {
+        Self { reader, range, frames: VecDeque::new(), broken: None, is_at_end: false, n_read: 0 }
+    }
+
+    /// Moves on by one frame; false behind the last. Frames before the range are read too, for the background model of
+    /// a resumed run must have seen what it saw before.
+    fn advance(&mut self) -> anyhow::Result<bool> {
+        self.frames.pop_front();
+        while self.frames.len() < START_MASKS && !self.is_at_end {
+            match self.reader.next_frame() {
+                Ok(Some(frame)) if frame.index < self.range.end => {
+                    self.n_read += 1;
+                    if frame.index >= self.range.start {
+                        self.frames.push_back(frame);
+                    }
+                }
+                Ok(_) => self.is_at_end = true,
+                Err(error) => (self.is_at_end, self.broken) = (true, Some(error)),
+            }
+        }
+        match (self.frames.is_empty(), self.broken.take()) {
+            (true, Some(error)) => Err(error),
+            (is_empty, broken) => {
+                self.broken = broken;
+                Ok(!is_empty)
+            }
+        }
+    }
+}
+
+/// The pose model that the settings ask for.
+fn pose_model(params: &TrackParams) -> Arc<dyn PoseModel> {
+    let prior = PosePrior::builtin();
+    match params.motion {
+        Motion::Any => Arc::new(FreeJoints::new(&prior, params.widening())),
+        Motion::Captured => Arc::new(JointComponents::new(&prior, params.components as usize)),
+    }
+}
+
+/// The files and folders that a job reads.
+fn inputs(job: &TrackJob) -> Vec<RunInput> {
+    let mut inputs = Vec::new();
+    match &job.input {
+        ClipInput::Masks(path) => inputs.push(RunInput { role: "masks", path: path.clone() }),
+        ClipInput::Frames(path, background) => {
+            inputs.push(RunInput { role: "video", path: path.clone() });
+            if let Background::Plate(plate) = background {
+                inputs.push(RunInput { role: "background", path: plate.clone() });
+            }
+        }
+    }
+    if let CameraChoice::File(path) = &job.camera {
+        inputs.push(RunInput { role: "camera", path: path.clone() });
+    }
+    inputs
+}
+
+/// Everything a job was told, as it stands in `run.toml`.
+fn settings_table(job: &TrackJob) -> anyhow::Result<toml::Table> {
+    let mut table = toml::Table::try_from(&job.config).context("the settings as TOML")?;
+    if let Some(frames) = &job.frames {
+        table.insert("frames".to_owned(), format!("{}..{}", frames.start, frames.end).into());
+    }
+    let background = match &job.input {
+        ClipInput::Frames(_, Background::Median) => Some("median".to_owned()),
+        ClipInput::Frames(_, Background::Mixture) => Some("mixture".to_owned()),
+        _ => None,
+    };
+    let camera = match job.camera {
+        CameraChoice::File(_) => None,
+        CameraChoice::Focal(focal_px) => Some(format!("focal length {focal_px} px")),
+        CameraChoice::FieldOfView(fov_deg) => Some(format!("field of view {fov_deg} degrees")),
+    };
+    for (key, value) in [("learned_background", background), ("assumed_camera", camera)] {
+        if let Some(value) = value {
+            table.insert(key.to_owned(), value.into());
+        }
+    }
+    Ok(table)
+}
