@@ -1,4 +1,4 @@
-//! The body model's file: [`BodyFile`] in postcard inside a [`container`](crate::container).
+//! The body model's file: [`BodyFile`] in postcard inside a [`container`].
 
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +11,7 @@ pub const VERSION: u32 = 1;
 /// What the file of a body model holds. Points are flat, x y z after one another, metres, body frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BodyFile {
-    /// [n_triangles], outward by the right-hand rule.
+    /// `[n_triangles]`, outward by the right-hand rule.
     pub triangles: Vec<[u16; 3]>,
     /// Body part of each vertex: index into `part_names`.
     pub parts: Vec<u8>,
@@ -23,13 +23,13 @@ pub struct BodyFile {
     pub influence_counts: Vec<u8>,
     /// Joint and weight, vertex after vertex, largest weight first.
     pub influences: Vec<(u8, f32)>,
-    /// Vertices of the mean body, [n_vertices * 3].
+    /// Vertices of the mean body, `[n_vertices * 3]`.
     pub mean_vertices: Vec<f32>,
-    /// Metres per standard deviation, [n_components * n_vertices * 3], largest variance first.
+    /// Metres per standard deviation, `[n_components * n_vertices * 3]`, largest variance first.
     pub vertex_basis: Vec<f32>,
-    /// Joints of the mean body, [n_joints * 3].
+    /// Joints of the mean body, `[n_joints * 3]`.
     pub mean_joints: Vec<f32>,
-    /// Metres per standard deviation, [n_components * n_joints * 3].
+    /// Metres per standard deviation, `[n_components * n_joints * 3]`.
     pub joint_basis: Vec<f32>,
     /// Share of the population's variance along each component.
     pub variance_shares: Vec<f32>,
@@ -55,9 +55,9 @@ pub struct LandmarkFile {
 pub struct StatureLineFile {
     /// Metres.
     pub mean_stature_m: f32,
-    /// Coefficients at the mean stature, standard deviations, [n_components].
+    /// Coefficients at the mean stature, standard deviations, `[n_components]`.
     pub mean_scores: Vec<f32>,
-    /// Their change per metre of stature, [n_components].
+    /// Their change per metre of stature, `[n_components]`.
     pub scores_per_m: Vec<f32>,
 }
 

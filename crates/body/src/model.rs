@@ -32,7 +32,7 @@ pub enum Sex {
 /// What all bodies of a model share.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Template {
-    /// Closed and outward by the right-hand rule, [n_triangles].
+    /// Closed and outward by the right-hand rule, `[n_triangles]`.
     pub triangles: Vec<[u32; 3]>,
     /// Body part of each vertex: index into `part_names`.
     pub parts: Vec<u8>,
@@ -148,7 +148,7 @@ impl BodyModel {
         &self.template
     }
 
-    /// Triangles of every body, outward by the right-hand rule, [n_triangles].
+    /// Triangles of every body, outward by the right-hand rule, `[n_triangles]`.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.template.triangles
     }
@@ -195,7 +195,7 @@ impl BodyModel {
     }
 
     /// The coefficients of the body nearest to these rest vertices (least squares; the components are orthogonal),
-    /// standard deviations, [n_components]. It must stand as the mean does, soles at y = 0.
+    /// standard deviations, `[n_components]`. It must stand as the mean does, soles at y = 0.
     ///
     /// # Panics
     /// When there are more or fewer vertices than the model has.
@@ -216,7 +216,7 @@ impl BodyModel {
     }
 
     /// The most probable coefficients of a person of this stature: the conditional mean of the Gaussian shape space
-    /// given stature and, where it is known, sex; standard deviations, [n_components].
+    /// given stature and, where it is known, sex; standard deviations, `[n_components]`.
     pub fn coefficients_for_stature(&self, stature_m: f64, sex: Option<Sex>) -> Vec<f64> {
         let line = match sex {
             None => &self.stature_lines[0],
@@ -269,7 +269,7 @@ impl Body {
         &self.template
     }
 
-    /// Triangles, outward by the right-hand rule, [n_triangles].
+    /// Triangles, outward by the right-hand rule, `[n_triangles]`.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.template.triangles
     }
@@ -279,7 +279,7 @@ impl Body {
         self.rest_vertices.len()
     }
 
-    /// Vertices at rest, metres, body frame, soles near y = 0, [n_vertices].
+    /// Vertices at rest, metres, body frame, soles near y = 0, `[n_vertices]`.
     pub fn rest_vertices(&self) -> &[[f32; 3]] {
         &self.rest_vertices
     }

@@ -7,10 +7,10 @@ use crate::skeleton::{JointId, N_DOF, N_JOINTS, Skeleton};
 #[cfg(test)]
 mod tests;
 
-/// Joint positions of a person at rest, [n_joints], metres, body frame: the person's bone lengths.
+/// Joint positions of a person at rest, `[n_joints]`, metres, body frame: the person's bone lengths.
 pub type RestJoints = [DVec3; N_JOINTS];
 
-/// `world_from_joint` of every joint, [n_joints]; its translation is the joint's position in the world, metres.
+/// `world_from_joint` of every joint, `[n_joints]`; its translation is the joint's position in the world, metres.
 /// A joint frame has its origin at the joint and, at rest, the axes of the body frame.
 pub type JointTransforms = [DAffine3; N_JOINTS];
 
@@ -21,7 +21,7 @@ pub struct Pose {
     pub root_position: DVec3,
     /// `world_from_body` of the pelvis.
     pub root_orientation: DQuat,
-    /// Joint angles, [n_dof], radians, in the order of [`Skeleton::dofs`]; all zero at rest.
+    /// Joint angles, `[n_dof]`, radians, in the order of [`Skeleton::dofs`]; all zero at rest.
     pub angles: Vec<f64>,
 }
 
@@ -62,7 +62,7 @@ impl Pose {
     }
 }
 
-/// Rotation of `joint` against its parent for the `angles` of a pose ([n_dof], radians).
+/// Rotation of `joint` against its parent for the `angles` of a pose (`[n_dof]`, radians).
 pub fn joint_rotation(skeleton: &Skeleton, joint: JointId, angles: &[f64]) -> DQuat {
     let range = skeleton.joint(joint).dofs.clone();
     let turns = skeleton.dofs()[range.clone()].iter().zip(&angles[range]);

@@ -17,7 +17,7 @@ pub const LANES: usize = 8;
 /// sum of w M_j (v - r_j) = sum of M_j (w (v - r_j), w), with M_j the frame of joint j and r_j its rest position.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct WeightedRest {
-    /// End of each vertex's terms, [n_vertices].
+    /// End of each vertex's terms, `[n_vertices]`.
     ends: Vec<u32>,
     terms: Vec<Term>,
 }
@@ -92,7 +92,7 @@ impl Body {
         forward_kinematics(Skeleton::human(), self.rest_joints(), pose)
     }
 
-    /// Joint positions, [n_joints], metres, world.
+    /// Joint positions, `[n_joints]`, metres, world.
     ///
     /// # Panics
     /// When the pose has the wrong number of angles.
@@ -100,7 +100,7 @@ impl Body {
         self.world_from_joints(pose).map(|frame| frame.translation)
     }
 
-    /// Vertices of the posed body, [n_vertices], metres, world.
+    /// Vertices of the posed body, `[n_vertices]`, metres, world.
     ///
     /// ```
     /// use body::{BodyModel, Pose};
@@ -116,7 +116,7 @@ impl Body {
         self.skin_batch_into(&DAffine3::IDENTITY, std::slice::from_ref(pose), out);
     }
 
-    /// Vertices of many poses, mesh after mesh, [n_poses * n_vertices], metres, in the frame that `target_from_world`
+    /// Vertices of many poses, mesh after mesh, `[n_poses * n_vertices]`, metres, in the frame that `target_from_world`
     /// leads to: a camera's for the scorer. Allocates nothing. The fastest number of poses is a multiple of [`LANES`].
     ///
     /// # Panics

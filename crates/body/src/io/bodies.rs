@@ -16,19 +16,19 @@ pub const N_POPULATION_JOINTS: usize = N_JOINTS - 2;
 /// Body frame: y up, facing +z, its left at +x, soles at y = 0; metres.
 #[derive(Clone, Debug)]
 pub struct BodiesData {
-    /// Vertices of the mean body, [n_vertices].
+    /// Vertices of the mean body, `[n_vertices]`.
     pub mean: Vec<DVec3>,
     /// Closed, outward by the right-hand rule.
     pub triangles: Vec<[u32; 3]>,
-    /// [n_basis] of [n_vertices], metres a unit.
+    /// `[n_basis]` of `[n_vertices]`, metres a unit.
     pub basis: Vec<Vec<DVec3>>,
-    /// [n_bodies] of [n_basis].
+    /// `[n_bodies]` of `[n_basis]`.
     pub coefficients: Vec<Vec<f64>>,
-    /// Whether each body is a woman's, [n_bodies].
+    /// Whether each body is a woman's, `[n_bodies]`.
     pub is_female: Vec<bool>,
-    /// Joints of the mean body, [28].
+    /// Joints of the mean body, `[28]`.
     pub mean_joints: Vec<DVec3>,
-    /// [n_basis] of [28], metres a unit.
+    /// `[n_basis]` of `[28]`, metres a unit.
     pub joint_basis: Vec<Vec<DVec3>>,
     /// Joints and weights of each vertex; the weights sum to 1.
     pub skin: Vec<Vec<(JointId, f32)>>,
@@ -161,7 +161,7 @@ impl BodiesData {
         combine(&self.mean, &self.basis, &self.coefficients[index])
     }
 
-    /// Joints of body `index`, [28], metres, body frame.
+    /// Joints of body `index`, `[28]`, metres, body frame.
     pub fn joints(&self, index: usize) -> Vec<DVec3> {
         combine(&self.mean_joints, &self.joint_basis, &self.coefficients[index])
     }
