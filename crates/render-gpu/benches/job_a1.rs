@@ -88,9 +88,7 @@ fn npy_shaped<T: npyz::Deserialize, const D: usize>(folder: &Path, name: &str) -
     let shape: Vec<usize> = shape.iter().map(|&n| n as usize).collect();
     (
         values,
-        shape
-            .try_into()
-            .unwrap_or_else(|shape| panic!("{name}.npy has shape {shape:?}, expected {D} axes")),
+        shape.try_into().unwrap_or_else(|shape| panic!("{name}.npy has shape {shape:?}, expected {D} axes")),
     )
 }
 
@@ -100,14 +98,6 @@ fn read_npy<T: npyz::Deserialize>(folder: &Path, name: &str) -> (Vec<T>, Vec<u64
     let bytes = std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     let file = npyz::NpyFile::new(&bytes[..]).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     let shape = file.shape().to_vec();
-    assert!(
-        shape.len() == 1 || file.order() == npyz::Order::C,
-        "{}: Fortran order",
-        path.display()
-    );
-    (
-        file.into_vec()
-            .unwrap_or_else(|error| panic!("{}: {error}", path.display())),
-        shape,
-    )
+    assert!(shape.len() == 1 || file.order() == npyz::Order::C, "{}: Fortran order", path.display());
+    (file.into_vec().unwrap_or_else(|error| panic!("{}: {error}", path.display())), shape)
 }

@@ -14,16 +14,10 @@ fn overlaps(criterion: &mut Criterion) {
     group.throughput(Throughput::Elements(n as u64));
     for (threads, step) in [(1, 1), (2, 1), (1, 2), (1, 4)] {
         let mut scorer = CpuScorer::with_threads(threads);
-        scorer
-            .set_target(&job.mask(), &job.camera)
-            .expect("the mask fits the camera");
+        scorer.set_target(&job.mask(), &job.camera).expect("the mask fits the camera");
         scorer.set_row_step(RowStep::new(step).expect("a power of two"));
         group.bench_function(format!("threads_{threads}/step_{step}"), |bencher| {
-            bencher.iter(|| {
-                scorer
-                    .score(&job.batch(), &mut counts)
-                    .expect("the meshes can be scored")
-            });
+            bencher.iter(|| scorer.score(&job.batch(), &mut counts).expect("the meshes can be scored"));
         });
     }
     group.finish();

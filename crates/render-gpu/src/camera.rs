@@ -66,17 +66,8 @@ impl Intrinsics {
     }
 
     pub(crate) fn check(&self) -> Result<(), CameraError> {
-        let &Self {
-            width,
-            height,
-            focal_px,
-            principal_point_px,
-            distortion,
-        } = self;
-        if [width, height]
-            .iter()
-            .any(|side| !(1..=MAX_IMAGE_SIDE).contains(side))
-        {
+        let &Self { width, height, focal_px, principal_point_px, distortion } = self;
+        if [width, height].iter().any(|side| !(1..=MAX_IMAGE_SIDE).contains(side)) {
             return Err(CameraError::ImageSize { width, height });
         }
         if !focal_px.iter().all(|&f| f > 0.0 && f.is_finite()) {

@@ -29,12 +29,9 @@ impl Clipper {
         }
         self.snapped.clear();
         for first in (0..positions.len()).step_by(8) {
-            let [x, y] = projector
-                .snap(load(positions, first))
-                .map(|lanes| lanes.to_array());
+            let [x, y] = projector.snap(load(positions, first)).map(|lanes| lanes.to_array());
             let in_chunk = (positions.len() - first).min(8);
-            self.snapped
-                .extend(x.into_iter().zip(y).map(|(x, y)| [x, y]).take(in_chunk));
+            self.snapped.extend(x.into_iter().zip(y).map(|(x, y)| [x, y]).take(in_chunk));
         }
         for corners in triangles {
             let corners = corners.map(|vertex| vertex as usize);

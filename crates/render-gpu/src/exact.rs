@@ -64,11 +64,7 @@ impl SpanFiller {
             if leaves {
                 inside -= 1;
                 if inside == 0 && start < column {
-                    emit(Span {
-                        line: line as usize,
-                        start,
-                        end: column,
-                    });
+                    emit(Span { line: line as usize, start, end: column });
                 }
             } else {
                 if inside == 0 {

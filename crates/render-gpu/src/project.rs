@@ -36,9 +36,7 @@ impl Projector {
         let subpixels = f64::from(SUBPIXELS);
         let centre = |axis: usize| subpixels * (camera.principal_point_px[axis] - f64::from(origin[axis]));
         Self {
-            focal: camera
-                .focal_px
-                .map(|focal| f32x8::splat((subpixels * focal) as f32)),
+            focal: camera.focal_px.map(|focal| f32x8::splat((subpixels * focal) as f32)),
             centre: [centre(0), centre(1)].map(|centre| f32x8::splat(centre as f32)),
             lens: Lens::new(camera.distortion),
             origin,
@@ -53,23 +51,18 @@ impl Projector {
         if let Some(lens) = &self.lens {
             point = lens.distort(point);
         }
-        [
-            point[0] * self.focal[0] + self.centre[0],
-            point[1] * self.focal[1] + self.centre[1],
-        ]
+        [point[0] * self.focal[0] + self.centre[0], point[1] * self.focal[1] + self.centre[1]]
     }
 
     /// [`project`](Self::project), rounded (ties to even). Far coordinates end at the snap limit.
     pub fn snap(&self, points: [f32x8; 3]) -> [i32x8; 2] {
         let limit = f32x8::splat(SNAP_LIMIT);
-        self.project(points)
-            .map(|coordinate| round(coordinate.clamp(-limit, limit)))
+        self.project(points).map(|coordinate| round(coordinate.clamp(-limit, limit)))
     }
 
     /// [`snap`](Self::snap) of one point.
     pub fn snap_one(&self, point: [f32; 3]) -> Snapped {
-        self.snap(point.map(f32x8::splat))
-            .map(|lanes| lanes.to_array()[0])
+        self.snap(point.map(f32x8::splat)).map(|lanes| lanes.to_array()[0])
     }
 }
 
@@ -82,14 +75,16 @@ pub(crate) fn round(coordinate: f32x8) -> i32x8 {
 /// Reads eight vertices from `first` on, as lanes of x, y and z; past the end the last vertex repeats.
 #[inline(always)]
 pub(crate) fn load(positions: &[[f32; 3]], first: usize) -> [f32x8; 3] {
-    let lanes = |at: &dyn Fn(usize) -> [f32; 3]| {
-        let p: [[f32; 3]; 8] = std::array::from_fn(at);
-        [0, 1, 2].map(|axis| f32x8::new(p.map(|point| point[axis])))
-    };
-    match positions[first..].first_chunk::<8>() {
-        Some(chunk) => lanes(&|lane| chunk[lane]),
-        None => lanes(&|lane| positions[(first + lane).min(positions.len() - 1)]),
+    match positions[first..].first_chunk() {
+        Some(chunk) => transpose(chunk),
+        None => transpose(&std::array::from_fn(|lane| positions[(first + lane).min(positions.len() - 1)])),
     }
+}
+
+#[inline(always)]
+fn transpose([a, b, c, d, e, f, g, h]: &[[f32; 3]; 8]) -> [f32x8; 3] {
+    let axis = |i: usize| f32x8::new([a[i], b[i], c[i], d[i], e[i], f[i], g[i], h[i]]);
+    [axis(0), axis(1), axis(2)]
 }
 
 /// Radial and tangential distortion of normalised image coordinates.
@@ -111,11 +106,7 @@ impl Lens {
             return None;
         }
         let splat = |value: f64| f32x8::splat(value as f32);
-        Some(Self {
-            k: [k1, k2, k3].map(splat),
-            p: [p1, p2].map(splat),
-            reach: splat(reach(k1, k2, k3)),
-        })
+        Some(Self { k: [k1, k2, k3].map(splat), p: [p1, p2].map(splat), reach: splat(reach(k1, k2, k3)) })
     }
 
     /// `[OpenCV]` camera model. Deviation: past `reach`, where the polynomial may fold back and would draw what is
@@ -148,11 +139,7 @@ fn reach(k1: f64, k2: f64, k3: f64) -> f64 {
             let (mut rising, mut falling) = (last, turn);
             for _ in 0..60 {
                 let middle = 0.5 * (rising + falling);
-                if slope(middle) > 0.0 {
-                    rising = middle
-                } else {
-                    falling = middle
-                }
+                if slope(middle) > 0.0 { rising = middle } else { falling = middle }
             }
             return rising;
         }

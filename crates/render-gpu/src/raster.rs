@@ -23,18 +23,8 @@ pub struct Silhouette {
 impl Silhouette {
     /// The same bits, borrowed.
     pub fn view(&self) -> MaskView<'_> {
-        let &Self {
-            width,
-            height,
-            words_per_row,
-            ref words,
-        } = self;
-        MaskView {
-            width,
-            height,
-            words_per_row,
-            words,
-        }
+        let &Self { width, height, words_per_row, ref words } = self;
+        MaskView { width, height, words_per_row, words }
     }
 
     /// Whether the centre of pixel `(x, y)` is inside.
@@ -85,27 +75,11 @@ pub fn rasterize(
     let words_per_row = camera.width.div_ceil(64) as usize;
     let mut words = vec![0; camera.height as usize * words_per_row];
     SpanFiller::default()
-        .spans(
-            &projector,
-            &lines,
-            camera.width,
-            positions_camera,
-            triangles,
-            |span| {
-                fill(
-                    &mut words[span.line * words_per_row..][..words_per_row],
-                    span.start,
-                    span.end,
-                );
-            },
-        )
+        .spans(&projector, &lines, camera.width, positions_camera, triangles, |span| {
+            fill(&mut words[span.line * words_per_row..][..words_per_row], span.start, span.end);
+        })
         .map_err(|bad| RasterizeError::NotFinite { vertex: bad.vertex })?;
-    Ok(Silhouette {
-        width: camera.width,
-        height: camera.height,
-        words_per_row,
-        words,
-    })
+    Ok(Silhouette { width: camera.width, height: camera.height, words_per_row, words })
 }
 
 /// Sets the bits `start..end` of a row; `start < end`.

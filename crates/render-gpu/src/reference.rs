@@ -20,18 +20,13 @@ impl SilhouetteScorer for ReferenceScorer {
         camera.check()?;
         let (size, expected) = ([mask.width, mask.height], [camera.width, camera.height]);
         if size != expected {
-            return Err(TargetError::Size {
-                mask: size,
-                camera: expected,
-            });
+            return Err(TargetError::Size { mask: size, camera: expected });
         }
         let bit = |x: u32, y: u32| {
             let word = mask.words[y as usize * mask.words_per_row + x as usize / 64];
             word >> (x % 64) & 1 == 1
         };
-        let pixels = (0..mask.height)
-            .map(|y| (0..mask.width).map(|x| bit(x, y)).collect())
-            .collect();
+        let pixels = (0..mask.height).map(|y| (0..mask.width).map(|x| bit(x, y)).collect()).collect();
         self.target = Some((pixels, Projector::new(camera)));
         Ok(())
     }
@@ -42,12 +37,7 @@ impl SilhouetteScorer for ReferenceScorer {
 
     fn score(&mut self, batch: &MeshBatch<'_>, out: &mut [OverlapCounts]) -> Result<(), ScoreError> {
         let n_meshes = batch.n_meshes();
-        assert_eq!(
-            out.len(),
-            n_meshes,
-            "{} slots for the counts of {n_meshes} meshes",
-            out.len()
-        );
+        assert_eq!(out.len(), n_meshes, "{} slots for the counts of {n_meshes} meshes", out.len());
         let (mask, projector) = self.target.as_ref().ok_or(ScoreError::NoTarget)?;
         Topology::new(batch.triangles, batch.vertices_per_mesh)?;
         let step = self.row_step.unwrap_or(RowStep::EVERY);
@@ -59,10 +49,7 @@ impl SilhouetteScorer for ReferenceScorer {
                 .triangles(projector, positions, batch.triangles, |corners| {
                     draw(corners, projector.origin, &mut silhouette);
                 })
-                .map_err(|bad| ScoreError::NotFinite {
-                    mesh,
-                    vertex: bad.vertex,
-                })?;
+                .map_err(|bad| ScoreError::NotFinite { mesh, vertex: bad.vertex })?;
             *counts = OverlapCounts::default();
             for y in step.rows(mask.len() as u32) {
                 for (&observed, &rendered) in mask[y as usize].iter().zip(&silhouette[y as usize]) {

@@ -24,11 +24,7 @@ impl RowStep {
 
     /// Every `n`-th row.
     pub fn new(n: u32) -> Result<Self, BadRowStep> {
-        if n.is_power_of_two() && n <= Self::MAX {
-            Ok(Self { log2: n.ilog2() })
-        } else {
-            Err(BadRowStep(n))
-        }
+        if n.is_power_of_two() && n <= Self::MAX { Ok(Self { log2: n.ilog2() }) } else { Err(BadRowStep(n)) }
     }
 
     /// The distance from one scored row to the next.
@@ -53,7 +49,8 @@ pub(crate) struct ScanLines {
     /// log2 of the distance between two lines.
     pub pitch_log2: u32,
     first_row: usize,
-    row_step: usize,
+    /// The distance between two lines, rows.
+    pub row_step: usize,
 }
 
 impl ScanLines {
@@ -95,12 +92,7 @@ mod tests {
 
     #[test]
     fn rows_are_centred_in_their_step() {
-        let rows = |n, height| {
-            RowStep::new(n)
-                .expect("a power of two")
-                .rows(height)
-                .collect::<Vec<_>>()
-        };
+        let rows = |n, height| RowStep::new(n).expect("a power of two").rows(height).collect::<Vec<_>>();
         assert_eq!(rows(1, 3), [0, 1, 2]);
         assert_eq!(rows(2, 5), [1, 3]);
         assert_eq!(rows(4, 11), [2, 6, 10]);
@@ -112,10 +104,7 @@ mod tests {
         let lines = ScanLines::new(10, RowStep::new(2).expect("a power of two"), 4);
         // Row 1 is the first: its centre is 2.5 rows above row 4, that is 40 sixteenths.
         assert_eq!((lines.n, lines.y(0), lines.y(1)), (5, -40, -8));
-        assert_eq!(
-            [-41, -40, -39, -8, -7, 1000].map(|y| lines.at_or_below(y)),
-            [0, 0, 1, 1, 2, 5]
-        );
+        assert_eq!([-41, -40, -39, -8, -7, 1000].map(|y| lines.at_or_below(y)), [0, 0, 1, 1, 2, 5]);
     }
 
     #[test]

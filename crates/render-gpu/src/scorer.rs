@@ -65,11 +65,7 @@ impl OverlapCounts {
     /// Intersection over union, 0 when both silhouettes are empty.
     pub fn iou(&self) -> f64 {
         let union = f64::from(self.rendered) + f64::from(self.observed) - f64::from(self.both);
-        if union > 0.0 {
-            f64::from(self.both) / union
-        } else {
-            0.0
-        }
+        if union > 0.0 { f64::from(self.both) / union } else { 0.0 }
     }
 }
 

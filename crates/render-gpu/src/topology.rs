@@ -62,23 +62,14 @@ impl Topology {
                     continue;
                 }
                 match waiting.get_mut(&[to, from]).and_then(Vec::pop) {
-                    Some(left) => edges.push(Edge {
-                        from: to,
-                        to: from,
-                        left,
-                        right: triangle as u32,
-                    }),
+                    Some(left) => edges.push(Edge { from: to, to: from, left, right: triangle as u32 }),
                     None => waiting.entry([from, to]).or_default().push(triangle as u32),
                 }
             }
         }
         match waiting.iter().find(|(_, triangles)| !triangles.is_empty()) {
             Some((&[from, to], _)) => Err(TopologyError::OpenEdge { from, to }),
-            None => Ok(Self {
-                vertices_per_mesh,
-                triangles: triangles.to_vec(),
-                edges,
-            }),
+            None => Ok(Self { vertices_per_mesh, triangles: triangles.to_vec(), edges }),
         }
     }
 
@@ -92,11 +83,7 @@ impl Topology {
 pub(crate) fn check_vertices(triangles: &[[u32; 3]], count: usize) -> Result<(), TopologyError> {
     for (triangle, corners) in triangles.iter().enumerate() {
         if let Some(&vertex) = corners.iter().find(|&&vertex| vertex as usize >= count) {
-            return Err(TopologyError::VertexOutOfRange {
-                triangle,
-                vertex,
-                count,
-            });
+            return Err(TopologyError::VertexOutOfRange { triangle, vertex, count });
         }
     }
     Ok(())

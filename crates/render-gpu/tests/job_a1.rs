@@ -8,12 +8,8 @@ use render_gpu::{CpuScorer, OverlapCounts, ReferenceScorer, SilhouetteScorer};
 
 fn counts(scorer: &mut dyn SilhouetteScorer, job: &JobA1) -> Vec<OverlapCounts> {
     let mut counts = vec![OverlapCounts::default(); job.batch().n_meshes()];
-    scorer
-        .set_target(&job.mask(), &job.camera)
-        .expect("the mask fits the camera");
-    scorer
-        .score(&job.batch(), &mut counts)
-        .expect("the meshes can be scored");
+    scorer.set_target(&job.mask(), &job.camera).expect("the mask fits the camera");
+    scorer.score(&job.batch(), &mut counts).expect("the meshes can be scored");
     counts
 }
 

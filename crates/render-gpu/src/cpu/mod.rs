@@ -16,14 +16,14 @@ use rayon::iter::{IndexedParallelIterator, IntoParallelRefMutIterator, ParallelI
 use crate::camera::Intrinsics;
 use crate::clip::NotFinite;
 use crate::exact::SpanFiller;
-use crate::project::Projector;
+use crate::project::{Projector, SUBPIXELS};
 use crate::rows::{RowStep, ScanLines};
 use crate::scorer::{MaskView, MeshBatch, OverlapCounts, ScoreError, SilhouetteScorer, TargetError};
 use crate::topology::Topology;
 use crossings::{Crossings, TooManyCrossings};
 use outline::{Bounds, LANES, Outlines};
 use sweep::Sweeper;
-use target::{Target, pixels_before};
+use target::Target;
 
 /// Counts overlaps on the processor.
 ///
@@ -72,10 +72,7 @@ impl SilhouetteScorer for CpuScorer {
         camera.check()?;
         let (size, expected) = ([mask.width, mask.height], [camera.width, camera.height]);
         if size != expected {
-            return Err(TargetError::Size {
-                mask: size,
-                camera: expected,
-            });
+            return Err(TargetError::Size { mask: size, camera: expected });
         }
         let mut target = self.target.take().map(|(target, _)| target).unwrap_or_default();
         target.set(mask);
@@ -89,12 +86,7 @@ impl SilhouetteScorer for CpuScorer {
 
     fn score(&mut self, batch: &MeshBatch<'_>, out: &mut [OverlapCounts]) -> Result<(), ScoreError> {
         let n_meshes = batch.n_meshes();
-        assert_eq!(
-            out.len(),
-            n_meshes,
-            "{} slots for the counts of {n_meshes} meshes",
-            out.len()
-        );
+        assert_eq!(out.len(), n_meshes, "{} slots for the counts of {n_meshes} meshes", out.len());
         let Some((target, projector)) = &self.target else {
             return Err(ScoreError::NoTarget);
         };
@@ -112,10 +104,8 @@ impl SilhouetteScorer for CpuScorer {
             lines: ScanLines::new(target.height, self.row_step, projector.origin[1]),
             observed: target.observed(self.row_step),
         };
-        let groups = batch
-            .positions_camera
-            .chunks(LANES * batch.vertices_per_mesh)
-            .zip(out.chunks_mut(LANES));
+        let groups =
+            batch.positions_camera.chunks(LANES * batch.vertices_per_mesh).zip(out.chunks_mut(LANES));
         for worker in &mut self.workers {
             worker.bad = None;
         }
@@ -125,12 +115,7 @@ impl SilhouetteScorer for CpuScorer {
             }),
             workers => {
                 let queue = Mutex::new(groups.enumerate());
-                let next = || {
-                    queue
-                        .lock()
-                        .expect("no worker panics while it holds the queue")
-                        .next()
-                };
+                let next = || queue.lock().expect("no worker panics while it holds the queue").next();
                 workers.par_iter_mut().with_max_len(1).for_each(|worker| {
                     while let Some((group, (positions, out))) = next() {
                         worker.score_group(&scene, group, positions, out);
@@ -176,23 +161,12 @@ impl Worker {
     ) {
         self.crossings.set_lines(scene.lines.n);
         self.outlines.set(scene.topology, scene.projector, positions);
-        for (mesh, (counts, positions)) in out
-            .iter_mut()
-            .zip(positions.chunks_exact(scene.topology.vertices_per_mesh))
-            .enumerate()
+        for (mesh, (counts, positions)) in
+            out.iter_mut().zip(positions.chunks_exact(scene.topology.vertices_per_mesh)).enumerate()
         {
-            let counted = self
-                .outlines
-                .bounds(mesh)
-                .and_then(|bounds| self.count(scene, mesh, bounds).ok());
+            let counted = self.outlines.bounds(mesh).and_then(|bounds| self.count(scene, mesh, bounds).ok());
             match counted.map_or_else(|| self.count_plainly(scene, positions), Ok) {
-                Ok([rendered, both]) => {
-                    *counts = OverlapCounts {
-                        rendered,
-                        observed: scene.observed,
-                        both,
-                    }
-                }
+                Ok([rendered, both]) => *counts = OverlapCounts { rendered, observed: scene.observed, both },
                 Err(NotFinite { vertex }) => {
                     self.bad = self.bad.into_iter().chain([(group * LANES + mesh, vertex)]).min();
                 }
@@ -207,46 +181,26 @@ impl Worker {
         mesh: usize,
         bounds: Bounds,
     ) -> Result<[u32; 2], TooManyCrossings> {
-        let Scene {
-            target,
-            projector,
-            topology,
-            ref lines,
-            ..
-        } = *scene;
-        let (first, end) = (
-            lines.at_or_below(bounds.low[1]),
-            lines.at_or_below(bounds.high[1]),
-        );
-        self.crossings.clear(first, end);
-        for edge in self.outlines.edges(topology, mesh) {
-            self.crossings.add(edge, lines, projector.origin[0], target)?;
-        }
-        Ok(scene.sweeper.count(&self.crossings, first, end))
+        let Scene { target, projector, topology, ref lines, .. } = *scene;
+        let range = (lines.at_or_below(bounds.low[1]), lines.at_or_below(bounds.high[1]));
+        let [left, right] = [0, target.width as i32].map(|column| SUBPIXELS * (column - projector.origin[0]));
+        let in_view = left <= bounds.low[0] && bounds.high[0] <= right;
+        self.crossings.clear();
+        self.outlines
+            .for_each_edge(topology, mesh, |edge| self.crossings.add(edge, lines, projector.origin[0]));
+        self.crossings.list(lines, target, range, in_view)?;
+        scene.sweeper.count(&self.crossings, range)
     }
 
     /// The same by filling every triangle: for meshes at the near plane, far out of view or with very many layers.
     fn count_plainly(&mut self, scene: &Scene<'_>, positions: &[[f32; 3]]) -> Result<[u32; 2], NotFinite> {
-        let Scene {
-            target,
-            projector,
-            topology,
-            ref lines,
-            ..
-        } = *scene;
+        let Scene { target, projector, topology, ref lines, .. } = *scene;
         let mut counts = [0; 2];
-        self.filler.spans(
-            projector,
-            lines,
-            target.width,
-            positions,
-            &topology.triangles,
-            |span| {
-                let row = target.row(lines.row(span.line));
-                counts[0] += span.end - span.start;
-                counts[1] += pixels_before(row, span.end) - pixels_before(row, span.start);
-            },
-        )?;
+        self.filler.spans(projector, lines, target.width, positions, &topology.triangles, |span| {
+            let row = lines.row(span.line);
+            counts[0] += span.end - span.start;
+            counts[1] += target.before(span.end, row) - target.before(span.start, row);
+        })?;
         Ok(counts)
     }
 }

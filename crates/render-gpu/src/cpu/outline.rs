@@ -60,29 +60,24 @@ impl Outlines {
         self.bounds[mesh]
     }
 
-    /// The outline of a mesh that has bounds.
-    pub fn edges<'a>(
-        &'a self,
-        topology: &'a Topology,
-        mesh: usize,
-    ) -> impl Iterator<Item = OutlineEdge> + 'a {
+    /// Calls `visit` with each edge of the outline of a mesh that has bounds.
+    #[inline(always)]
+    pub fn for_each_edge(&self, topology: &Topology, mesh: usize, mut visit: impl FnMut(OutlineEdge)) {
         let vertices: &[i32] = cast_slice(&self.by_mesh[mesh]);
-        let vertex = |index: u32| unpack(vertices[index as usize]);
-        self.on_outline
-            .iter()
-            .enumerate()
-            .flat_map(move |(block, words)| {
-                set_bits(words[mesh]).map(move |bit| {
-                    let edge = &topology.edges[64 * block + bit];
-                    let (from, to) = (vertex(edge.from), vertex(edge.to));
-                    let left_is_front = self.turns_left[edge.left as usize] >> mesh & 1 == 1;
-                    if left_is_front {
-                        OutlineEdge { from, to }
-                    } else {
-                        OutlineEdge { from: to, to: from }
-                    }
-                })
-            })
+        for (words, edges) in self.on_outline.iter().zip(topology.edges.chunks(64)) {
+            let mut on_outline = words[mesh];
+            while on_outline != 0 {
+                let edge = &edges[on_outline.trailing_zeros() as usize];
+                on_outline &= on_outline - 1;
+                let [from, to] = [edge.from, edge.to].map(|vertex| unpack(vertices[vertex as usize]));
+                let left_is_front = self.turns_left[edge.left as usize] >> mesh & 1 == 1;
+                visit(if left_is_front {
+                    OutlineEdge { from, to }
+                } else {
+                    OutlineEdge { from: to, to: from }
+                });
+            }
+        }
     }
 
     fn transpose(&mut self, n_blocks: usize) {
@@ -167,25 +162,11 @@ fn turn(u: i16x16, v: i16x16) -> i32x8 {
 
 /// Transposes eight rows of eight bits; row r is byte r from the lowest, column c its bit c. `[Warren2012]` section 7-3.
 fn transpose_bits(mut rows: u64) -> u64 {
-    for (shift, mask) in [
-        (7, 0x00aa_00aa_00aa_00aa),
-        (14, 0x0000_cccc_0000_cccc),
-        (28, 0x0000_0000_f0f0_f0f0),
-    ] {
+    for (shift, mask) in
+        [(7, 0x00aa_00aa_00aa_00aa), (14, 0x0000_cccc_0000_cccc), (28, 0x0000_0000_f0f0_f0f0)]
+    {
         let swap = (rows ^ (rows >> shift)) & mask;
         rows ^= swap ^ (swap << shift);
     }
     rows
-}
-
-/// The positions of the ones of a word, lowest first.
-#[inline(always)]
-fn set_bits(mut word: u64) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        (word != 0).then(|| {
-            let bit = word.trailing_zeros() as usize;
-            word &= word - 1;
-            bit
-        })
-    })
 }

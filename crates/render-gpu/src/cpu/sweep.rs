@@ -2,7 +2,7 @@
 
 use wide::i32x8;
 
-use super::crossings::{COLUMN_SHIFT, Crossings, LEAVES, MAX_CROSSINGS, NONE};
+use super::crossings::{COLUMN_SHIFT, Crossings, LEAVES, MAX_CROSSINGS, NONE, TooManyCrossings};
 
 /// Sorting networks for lists of any length up to [`MAX_CROSSINGS`].
 #[derive(Clone, Debug)]
@@ -13,35 +13,32 @@ pub(super) struct Sweeper {
 
 impl Sweeper {
     pub fn new() -> Self {
-        // A network for 32 slots sorts n of them too if the rest are larger than all: comparisons with those do nothing.
+        // A network for all slots sorts n of them too if the rest are larger than all: comparisons with those do nothing.
         let full = batcher_network(MAX_CROSSINGS as u8);
-        let upto = |n| {
-            full.iter()
-                .copied()
-                .filter(|&[_, high]| usize::from(high) < n)
-                .collect()
-        };
-        Self {
-            networks: (0..=MAX_CROSSINGS).map(upto).collect(),
-        }
+        let upto = |n| full.iter().copied().filter(|&[_, high]| usize::from(high) < n).collect();
+        Self { networks: (0..=MAX_CROSSINGS).map(upto).collect() }
     }
 
     /// The pixels inside the outline in lines `first..end`, and those of them that are in the mask.
-    pub fn count(&self, crossings: &Crossings, first: usize, end: usize) -> [u32; 2] {
+    pub fn count(
+        &self,
+        crossings: &Crossings,
+        (first, end): (usize, usize),
+    ) -> Result<[u32; 2], TooManyCrossings> {
         let mut slots = [i32x8::ZERO; MAX_CROSSINGS];
         let (mut inside, mut in_mask) = (i32x8::ZERO, i32x8::ZERO);
-        for line in (first..end).step_by(8) {
-            let n = crossings.read(line, &mut slots);
-            for &[low, high] in &self.networks[n] {
+        for line in (first / 8 * 8..end).step_by(8) {
+            let slots = crossings.read(line, &mut slots)?;
+            for &[low, high] in &self.networks[slots.len()] {
                 let (a, b) = (slots[usize::from(low)], slots[usize::from(high)]);
                 slots[usize::from(low)] = a.min(b);
                 slots[usize::from(high)] = a.max(b);
             }
-            let sums = sweep(&slots[..n]);
+            let sums = sweep(slots);
             inside += sums.unbounded_shr_scalar(COLUMN_SHIFT);
             in_mask += sums & i32x8::splat((1 << COLUMN_SHIFT) - 1);
         }
-        [inside, in_mask].map(|lanes| lanes.to_array().iter().sum::<i32>() as u32)
+        Ok([inside, in_mask].map(|lanes| lanes.to_array().iter().sum::<i32>() as u32))
     }
 }
 
@@ -96,11 +93,7 @@ mod tests {
                     sorted ^= swap << low | swap << high;
                 }
                 let ones = bits.count_ones();
-                assert_eq!(
-                    sorted,
-                    ((1 << ones) - 1) << (n as u32 - ones),
-                    "{n} slots, {bits:b}"
-                );
+                assert_eq!(sorted, ((1 << ones) - 1) << (n as u32 - ones), "{n} slots, {bits:b}");
             }
         }
     }

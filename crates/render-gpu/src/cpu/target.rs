@@ -3,11 +3,19 @@
 use crate::rows::RowStep;
 use crate::scorer::MaskView;
 
-/// 64 pixels of a row and how many of the row's pixels lie left of them.
+/// 32 pixels of a row and how many of the row's pixels lie left of them.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct RankWord {
-    bits: u64,
+    bits: u32,
     before: u32,
+}
+
+impl RankWord {
+    /// How many pixels of the row lie left of its column `x`, which is in this word.
+    #[inline(always)]
+    pub fn before(self, x: u32) -> u32 {
+        self.before + (self.bits & !(!0 << (x % 32))).count_ones()
+    }
 }
 
 /// A mask with counts of its pixels along each row.
@@ -15,9 +23,9 @@ pub(crate) struct RankWord {
 pub(crate) struct Target {
     pub width: u32,
     pub height: u32,
-    /// Words of a row, one more than needed so that `x == width` has a word too.
-    words_per_row: usize,
-    words: Vec<RankWord>,
+    /// Words of a row: the mask's, and one more where the mask fills its words, so that `x == width` has a word too.
+    pub words_per_row: usize,
+    pub words: Vec<RankWord>,
 }
 
 impl Target {
@@ -36,42 +44,34 @@ impl Target {
             mask.words_per_row,
         );
         (self.width, self.height) = (mask.width, mask.height);
-        self.words_per_row = mask.width as usize / 64 + 1;
+        self.words_per_row = Self::word_of(mask.width) + 1;
         self.words.clear();
-        let last_bits = !0 >> (64 * needed as u32 - mask.width);
         for row in mask.words.chunks_exact(mask.words_per_row) {
             let mut before = 0;
-            for word in 0..self.words_per_row {
-                let bits = match (word + 1).cmp(&needed) {
-                    std::cmp::Ordering::Less => row[word],
-                    std::cmp::Ordering::Equal => row[word] & last_bits,
-                    std::cmp::Ordering::Greater => 0,
-                };
+            let halves = row.iter().flat_map(|&word| [word as u32, (word >> 32) as u32]);
+            for (start, bits) in (0..=mask.width).step_by(32).zip(halves.chain([0])) {
+                let bits = bits & (1_u64 << (mask.width - start).min(32)).wrapping_sub(1) as u32;
                 self.words.push(RankWord { bits, before });
                 before += bits.count_ones();
             }
         }
     }
 
-    /// One row of the mask.
-    #[inline]
-    pub fn row(&self, y: usize) -> &[RankWord] {
-        &self.words[y * self.words_per_row..][..self.words_per_row]
+    /// Which word of a row holds column `x`.
+    #[inline(always)]
+    pub fn word_of(x: u32) -> usize {
+        (x / 32) as usize
+    }
+
+    /// How many pixels of row `y` lie left of column `x`, which is at most the width.
+    pub fn before(&self, x: u32, y: usize) -> u32 {
+        self.words[y * self.words_per_row + Self::word_of(x)].before(x)
     }
 
     /// Pixels of the mask in the scored rows.
     pub fn observed(&self, step: RowStep) -> u32 {
-        step.rows(self.height)
-            .map(|y| pixels_before(self.row(y as usize), self.width))
-            .sum()
+        step.rows(self.height).map(|y| self.before(self.width, y as usize)).sum()
     }
-}
-
-/// How many pixels of a row of the mask lie left of column `x`, which is at most the width.
-#[inline(always)]
-pub(crate) fn pixels_before(row: &[RankWord], x: u32) -> u32 {
-    let word = row[(x / 64) as usize];
-    word.before + (word.bits & !(!0 << (x % 64))).count_ones()
 }
 
 #[cfg(test)]
@@ -82,24 +82,14 @@ mod tests {
     fn counts_what_lies_left() {
         for width in [1, 63, 64, 65, 128, 200] {
             let words_per_row = 4;
-            let words: Vec<u64> = (0..2 * words_per_row as u64)
-                .map(|i| 0x9e37_79b9_7f4a_7c15 << i ^ i << 7)
-                .collect();
+            let words: Vec<u64> =
+                (0..2 * words_per_row as u64).map(|i| 0x9e37_79b9_7f4a_7c15 << i ^ i << 7).collect();
             let mut target = Target::default();
-            target.set(&MaskView {
-                width,
-                height: 2,
-                words_per_row,
-                words: &words,
-            });
+            target.set(&MaskView { width, height: 2, words_per_row, words: &words });
             for y in 0..2 {
                 let bit = |x: u32| (words[y * words_per_row + x as usize / 64] >> (x % 64) & 1) as u32;
                 for x in 0..=width {
-                    assert_eq!(
-                        pixels_before(target.row(y), x),
-                        (0..x).map(bit).sum(),
-                        "width {width}, x {x}"
-                    );
+                    assert_eq!(target.before(x, y), (0..x).map(bit).sum(), "width {width}, x {x}");
                 }
             }
         }
@@ -108,11 +98,6 @@ mod tests {
     #[test]
     #[should_panic(expected = "a mask of 65 x 2 px with 1 words a row has 2 words")]
     fn a_mask_with_too_few_words_is_refused() {
-        Target::default().set(&MaskView {
-            width: 65,
-            height: 2,
-            words_per_row: 1,
-            words: &[0; 2],
-        });
+        Target::default().set(&MaskView { width: 65, height: 2, words_per_row: 1, words: &[0; 2] });
     }
 }
