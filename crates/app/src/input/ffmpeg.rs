@@ -29,7 +29,8 @@ impl FfmpegPipe {
         Self::open_with(OsStr::new("ffmpeg"), path)
     }
 
-    fn open_with(program: &OsStr, path: &Path) -> anyhow::Result<Self> {
+    /// As [`open`](Self::open), with another program.
+    pub fn open_with(program: &OsStr, path: &Path) -> anyhow::Result<Self> {
         let name = path.display();
         let mut input = std::ffi::OsString::from("file:");
         input.push(path);

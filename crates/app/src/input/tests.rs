@@ -128,9 +128,14 @@ fn damaged_videos_end_in_an_error_or_in_frames() {
 fn inputs_without_frames_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("none.mp4");
-    assert!(error_text(open_frames(&path)).starts_with(&format!("{}: cannot open the input", path.display())));
+    assert!(
+        error_text(open_frames(&path)).starts_with(&format!("{}: cannot open the input", path.display()))
+    );
     fs::write(&path, []).unwrap();
-    assert_eq!(error_text(open_frames(&path)), format!("{}: the file is empty, expected a video", path.display()));
+    assert_eq!(
+        error_text(open_frames(&path)),
+        format!("{}: the file is empty, expected a video", path.display())
+    );
 
     let empty = folder.path().join("empty");
     fs::create_dir(&empty).unwrap();
@@ -209,7 +214,8 @@ fn reading_ahead_changes_nothing() {
 fn without_ffmpeg_the_message_says_what_to_do() {
     let (_folder, path) = file_with(b"RIFF....AVI ");
     let error = error_text(FfmpegPipe::open_with(OsStr::new("no-such-ffmpeg"), &path));
-    let expected = format!("{}: cannot run the program `no-such-ffmpeg`: install it, or convert", path.display());
+    let expected =
+        format!("{}: cannot run the program `no-such-ffmpeg`: install it, or convert", path.display());
     assert!(error.starts_with(&expected), "{error}");
 }
 
@@ -283,7 +289,10 @@ fn real_recordings_decode_as_by_ffmpeg() {
                     y + 255.0 / 112.0 * 0.886 * cb,
                 ];
                 for (value, expected) in rgb.iter().zip(expected) {
-                    assert!((f64::from(*value) - expected.clamp(0.0, 255.0)).abs() < 1.0, "{clip}: pixel {at}");
+                    assert!(
+                        (f64::from(*value) - expected.clamp(0.0, 255.0)).abs() < 1.0,
+                        "{clip}: pixel {at}"
+                    );
                 }
             }
         }

@@ -271,3 +271,6 @@ pub(super) struct ImageAnnotations {
     #[prost(message, optional, tag = "5")]
     pub timestamp: Option<Timestamp>,
 }
+
+#[cfg(test)]
+mod tests;

@@ -313,3 +313,6 @@ fn remove_run(folder: &Path) -> Result<(), WriteRunError> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests;
