@@ -33,11 +33,13 @@
 
 mod camera;
 mod clip;
+#[cfg(feature = "conformance")]
+pub mod conformance;
 mod cpu;
 mod exact;
 mod project;
 mod raster;
-#[cfg(any(test, feature = "conformance"))]
+#[cfg(feature = "conformance")]
 mod reference;
 mod rows;
 mod scorer;
@@ -47,7 +49,7 @@ pub use camera::{CameraError, Intrinsics, MAX_IMAGE_SIDE};
 pub use cpu::CpuScorer;
 pub use project::NEAR_M;
 pub use raster::{RasterizeError, Silhouette, rasterize};
-#[cfg(any(test, feature = "conformance"))]
+#[cfg(feature = "conformance")]
 pub use reference::ReferenceScorer;
 pub use rows::{BadRowStep, RowStep};
 pub use scorer::{MaskView, MeshBatch, OverlapCounts, ScoreError, SilhouetteScorer, TargetError};
