@@ -5,6 +5,9 @@ use std::num::NonZeroUsize;
 use rayon::prelude::*;
 
 /// How the particles are spread over threads.
+///
+/// The default stays on the calling thread: waking others costs more than proposing and moving some hundred particles
+/// does, unless one of them is costly. Scoring is the likelihood's own affair.
 #[derive(Clone, Copy, Debug)]
 pub struct ExecConfig {
     /// Threads of the filter's own pool; 1 stays on the calling thread, `None` uses rayon's global pool.
@@ -15,7 +18,7 @@ pub struct ExecConfig {
 
 impl Default for ExecConfig {
     fn default() -> Self {
-        Self { threads: None, chunk: NonZeroUsize::new(64).expect("64 is not zero") }
+        Self { threads: Some(NonZeroUsize::MIN), chunk: NonZeroUsize::new(64).expect("64 is not zero") }
     }
 }
 
@@ -61,9 +64,8 @@ impl Exec {
         Ok(Self { pool, chunk: config.chunk.get() })
     }
 
-    /// The pool-less executor.
-    pub(crate) fn global() -> Self {
-        Self { pool: Pool::Global, chunk: ExecConfig::default().chunk.get() }
+    pub(crate) fn calling_thread() -> Self {
+        Self { pool: Pool::CallingThread, chunk: 1 }
     }
 
     /// Calls `work(i, &mut a[i])` for each `i`.

@@ -50,31 +50,35 @@ enum Mode {
 /// A particle filter.
 ///
 /// Its three constructors are three algorithms; the table at the top of the crate compares them. All further settings
-/// have defaults: systematic resampling, the threads of rayon's global pool.
+/// have defaults: systematic resampling, the calling thread.
+/// The annealed filter finds a narrow peak far from where it starts:
 ///
 /// ```
-/// use pf_core::{Euclidean, Filter, FilterConfig, FilterParams, Gaussian, Likelihood, RandomWalk, Step};
-/// use std::convert::Infallible;
+/// use pf_core::{Euclidean, Filter, FilterParams, Gaussian, GaussianDiffusion, Geometric, Likelihood, RandomWalk, Step};
+/// use pf_core::schedule::GeometricConfig;
 ///
-/// struct Ruler;
-/// impl Likelihood<[f64; 1]> for Ruler {
-///     type Frame = f64;
-///     type Error = Infallible;
-///     fn log_likelihoods(&mut self, measured: &f64, states: &[[f64; 1]], out: &mut [f64]) -> Result<(), Infallible> {
-///         for (log_likelihood, [x]) in out.iter_mut().zip(states) {
-///             *log_likelihood = -0.5 * ((measured - x) / 0.5).powi(2);
+/// /// A peak of width 0.01 at (3, -2).
+/// struct Peak;
+/// impl Likelihood<[f64; 2]> for Peak {
+///     type Frame = ();
+///     type Error = std::convert::Infallible;
+///     fn log_likelihoods(&mut self, (): &(), states: &[[f64; 2]], out: &mut [f64]) -> Result<(), Self::Error> {
+///         for (log_likelihood, [x, y]) in out.iter_mut().zip(states) {
+///             *log_likelihood = -0.5 * ((x - 3.0).powi(2) + (y + 2.0).powi(2)) / 0.01f64.powi(2);
 ///         }
 ///         Ok(())
 ///     }
 /// }
 ///
-/// let params = FilterParams::new(FilterConfig { n_particles: 1000, seed: 1, ..Default::default() })?;
-/// let walk = RandomWalk::new(Gaussian::diagonal(vec![1.0])?);
-/// let mut filter = Filter::bootstrap(Euclidean::<1>, walk, params);
-/// filter.initialise(vec![[0.0]; 1000])?;
-/// let Step::Tracked(posterior) = filter.step(&2.0, &mut Ruler, &mut ())? else { panic!("lost") };
-/// // Prior N(0, 1), measurement 2 with variance 1/4: posterior mean 2 / (1 + 1/4) = 1.6.
-/// assert!((posterior.mean(&Euclidean)[0] - 1.6).abs() < 0.1);
+/// let walk = RandomWalk::new(Gaussian::diagonal(vec![1.0, 1.0])?);
+/// let schedule = Geometric::new(GeometricConfig { first_beta: 1e-4, ..Default::default() })?;
+/// let diffusion = GaussianDiffusion::of_survivors(vec![0.01, 0.01])?;
+/// let params = FilterParams::new(Default::default())?;
+/// let mut filter = Filter::annealed(Euclidean, walk, schedule, diffusion, params);
+/// filter.initialise(vec![[0.0, 0.0]])?;
+/// let Step::Tracked(posterior) = filter.step(&(), &mut Peak, &mut ())? else { panic!("lost") };
+/// let [x, y] = posterior.mean(&Euclidean);
+/// assert!((x - 3.0).abs() < 0.01 && (y + 2.0).abs() < 0.01);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub struct Filter<S: StateSpace, P: Proposal<S>> {
@@ -149,7 +153,7 @@ impl<S: StateSpace, P: Proposal<S>> Filter<S, P> {
             mutation,
             resampler: Box::new(Systematic),
             params,
-            exec: Exec::global(),
+            exec: Exec::calling_thread(),
             frame: 0,
             particles: Vec::new(),
             weights: NormalizedWeights::default(),

@@ -159,3 +159,6 @@ fn cholesky(matrix: &mut [f64], dim: usize) -> Result<(), BadCovariance> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests;

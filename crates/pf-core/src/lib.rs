@@ -15,6 +15,31 @@
 //! # Map
 //! [`filter`] the loop · [`schedule`] β per layer · [`resample`] · [`mutation`] · [`proposal`] · [`weights`] · [`rng`] ·
 //! [`observe`] · [`estimate`]
+//! # Example
+//! ```
+//! use pf_core::{Euclidean, Filter, FilterConfig, FilterParams, Gaussian, Likelihood, RandomWalk, Step};
+//!
+//! /// A position measured with a standard deviation of 0.5.
+//! struct Ruler;
+//! impl Likelihood<[f64; 1]> for Ruler {
+//!     type Frame = f64;
+//!     type Error = std::convert::Infallible;
+//!     fn log_likelihoods(&mut self, measured: &f64, states: &[[f64; 1]], out: &mut [f64]) -> Result<(), Self::Error> {
+//!         for (log_likelihood, [x]) in out.iter_mut().zip(states) {
+//!             *log_likelihood = -0.5 * ((measured - x) / 0.5).powi(2);
+//!         }
+//!         Ok(())
+//!     }
+//! }
+//!
+//! let params = FilterParams::new(FilterConfig { n_particles: 1000, seed: 1, ..Default::default() })?;
+//! let mut filter = Filter::bootstrap(Euclidean, RandomWalk::new(Gaussian::diagonal(vec![1.0])?), params);
+//! filter.initialise(vec![[0.0]])?;
+//! let Step::Tracked(posterior) = filter.step(&2.0, &mut Ruler, &mut ())? else { panic!("lost") };
+//! // Prior N(0, 1), measurement 2 with variance 1/4: the posterior mean is 2 / (1 + 1/4) = 1.6.
+//! assert!((posterior.mean(&Euclidean)[0] - 1.6).abs() < 0.1);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 //! # References
 //! `[Gordon1993]`, `[Deutscher2005]`, `[DelMoral2006]`, `[Salmon2011]`; the keys are in `docs/papers.md`.
 
@@ -48,3 +73,7 @@ pub use rng::ParticleRng;
 pub use schedule::{AnnealingSchedule, Beta, EssSchedule, Geometric, SurvivalRate};
 pub use space::{Euclidean, StateSpace};
 pub use weights::{LogWeights, NormalizedWeights};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

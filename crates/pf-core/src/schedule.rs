@@ -117,3 +117,6 @@ fn check_diffusion(diffusion: DiffusionConfig) -> Result<(), BadSchedule> {
     check("diffusion.first", diffusion.first, expected, usable(diffusion.first))?;
     check("diffusion.ratio", diffusion.ratio, expected, usable(diffusion.ratio))
 }
+
+#[cfg(test)]
+mod tests;

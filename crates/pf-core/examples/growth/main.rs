@@ -11,10 +11,9 @@
 mod model;
 
 use std::error::Error;
-use std::num::NonZeroUsize;
 use std::time::Instant as Clock;
 
-use pf_core::{ExecConfig, Step};
+use pf_core::Step;
 
 const RUNS: u64 = 5;
 /// A run stops after this many.
@@ -33,8 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let mut fastest = f64::INFINITY;
         let mut rmse = 0.0;
         for seed in 0..RUNS {
-            let exec = ExecConfig::with_threads(NonZeroUsize::MIN);
-            let mut filter = model::filter(n_particles, seed).with_exec(exec)?;
+            let mut filter = model::filter(n_particles, seed);
             let mut squares = 0.0;
             let start = Clock::now();
             for (instant, truth) in instants[..n_steps].iter().zip(&states) {

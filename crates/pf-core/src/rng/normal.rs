@@ -2,7 +2,7 @@
 
 /// The number below which a standard normal draw falls with probability `probability` (between 0 and 1).
 ///
-/// Rational approximations of `[Wichura1988]` (algorithm AS 241, PPND16), relative error about 1e-16.
+/// Rational approximations of `[Wichura1988]` (algorithm AS 241, PPND16), relative error below 1e-15.
 ///
 /// ```
 /// let z = pf_core::rng::standard_normal_quantile(0.975);
