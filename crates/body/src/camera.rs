@@ -63,16 +63,10 @@ impl Intrinsics {
     /// When `factor` is not positive and finite.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
-        assert!(
-            factor > 0.0 && factor.is_finite(),
-            "image scale is {factor}, expected a positive number"
-        );
+        assert!(factor > 0.0 && factor.is_finite(), "image scale is {factor}, expected a positive number");
         let resize = |pixels: u32| (f64::from(pixels) * factor).round().max(1.0) as u32;
         let (width, height) = (resize(self.width), resize(self.height));
-        let scale = [
-            f64::from(width) / f64::from(self.width),
-            f64::from(height) / f64::from(self.height),
-        ];
+        let scale = [f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height)];
         Self {
             width,
             height,
@@ -87,25 +81,16 @@ impl Intrinsics {
 
     fn check(&self) -> Result<(), BadCamera> {
         if self.width == 0 || self.height == 0 {
-            return Err(BadCamera::ImageSize {
-                width: self.width,
-                height: self.height,
-            });
+            return Err(BadCamera::ImageSize { width: self.width, height: self.height });
         }
         if !self.focal_px.iter().all(|f| *f > 0.0 && f.is_finite()) {
-            return Err(BadCamera::Focal {
-                focal_px: self.focal_px,
-            });
+            return Err(BadCamera::Focal { focal_px: self.focal_px });
         }
         if !self.principal_point_px.iter().all(|c| c.is_finite()) {
-            return Err(BadCamera::PrincipalPoint {
-                principal_point_px: self.principal_point_px,
-            });
+            return Err(BadCamera::PrincipalPoint { principal_point_px: self.principal_point_px });
         }
         if !self.distortion.iter().all(|k| k.is_finite()) {
-            return Err(BadCamera::Distortion {
-                distortion: self.distortion,
-            });
+            return Err(BadCamera::Distortion { distortion: self.distortion });
         }
         Ok(())
     }
@@ -160,16 +145,9 @@ impl Camera {
         intrinsics.check()?;
         let rotation = nearest_rotation(rotation)?;
         if !translation_m.is_finite() {
-            return Err(BadCamera::Translation {
-                translation_m: translation_m.to_array(),
-            });
+            return Err(BadCamera::Translation { translation_m: translation_m.to_array() });
         }
-        Ok(Self {
-            intrinsics,
-            lens: Lens::new(intrinsics.distortion),
-            rotation,
-            translation_m,
-        })
+        Ok(Self { intrinsics, lens: Lens::new(intrinsics.distortion), rotation, translation_m })
     }
 
     /// A camera at `eye` whose axis goes through `target`, held upright (its x axis is horizontal).
@@ -180,10 +158,7 @@ impl Camera {
         let forward = (target - eye).normalize_or_zero();
         let right = forward.cross(DVec3::Z).normalize_or_zero();
         if right == DVec3::ZERO {
-            return Err(BadCamera::NoHeading {
-                eye: eye.to_array(),
-                target: target.to_array(),
-            });
+            return Err(BadCamera::NoHeading { eye: eye.to_array(), target: target.to_array() });
         }
         let down = forward.cross(right);
         let rotation = DMat3::from_cols(right, down, forward).transpose();
@@ -267,10 +242,7 @@ impl Camera {
     #[must_use]
     pub fn ray(&self, pixel: DVec2) -> Option<Ray> {
         let direction_camera = self.undistort(pixel)?.extend(1.0).normalize();
-        Some(Ray {
-            origin: self.centre_world(),
-            direction: self.rotation.transpose() * direction_camera,
-        })
+        Some(Ray { origin: self.centre_world(), direction: self.rotation.transpose() * direction_camera })
     }
 
     /// The same camera on the image resampled by `factor` (see [`Intrinsics::scaled`]).
@@ -279,25 +251,17 @@ impl Camera {
     /// When `factor` is not positive and finite.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
-        Self {
-            intrinsics: self.intrinsics.scaled(factor),
-            ..*self
-        }
+        Self { intrinsics: self.intrinsics.scaled(factor), ..*self }
     }
 }
 
 /// The rotation nearest to `matrix`, if that is a rotation but for rounding.
 fn nearest_rotation(matrix: DMat3) -> Result<DMat3, BadCamera> {
-    let bad = |determinant: f64| BadCamera::Rotation {
-        rows: matrix.transpose().to_cols_array_2d(),
-        determinant,
-    };
+    let bad =
+        |determinant: f64| BadCamera::Rotation { rows: matrix.transpose().to_cols_array_2d(), determinant };
     let determinant = matrix.determinant();
     let error = matrix * matrix.transpose() - DMat3::IDENTITY;
-    let within = error
-        .to_cols_array()
-        .iter()
-        .all(|e| e.abs() <= ROTATION_TOLERANCE); // false for NaN
+    let within = error.to_cols_array().iter().all(|e| e.abs() <= ROTATION_TOLERANCE); // false for NaN
     if within && determinant > 0.0 {
         Ok(DMat3::from_quat(DQuat::from_mat3(&matrix).normalize()))
     } else {

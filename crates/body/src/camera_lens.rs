@@ -23,10 +23,7 @@ pub(crate) struct Lens {
 impl Lens {
     pub(crate) fn new(coefficients: [f64; 5]) -> Self {
         let [k1, k2, _, _, k3] = coefficients;
-        Self {
-            coefficients,
-            fold_radius: fold_radius(k1, k2, k3),
-        }
+        Self { coefficients, fold_radius: fold_radius(k1, k2, k3) }
     }
 
     /// Where the point `p` = (x/z, y/z) of an ideal pinhole lands; `None` beyond the fold-over radius.
@@ -84,11 +81,7 @@ impl Lens {
 
     fn inside(&self, p: DVec2) -> DVec2 {
         let limit = 0.999_999 * self.fold_radius;
-        if p.length() > limit {
-            p * (limit / p.length())
-        } else {
-            p
-        }
+        if p.length() > limit { p * (limit / p.length()) } else { p }
     }
 }
 
@@ -127,11 +120,7 @@ fn positive_roots(a: f64, b: f64, c: f64) -> Vec<f64> {
 fn bisect(g: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
     for _ in 0..100 {
         let middle = 0.5 * (low + high);
-        if g(middle) > 0.0 {
-            low = middle
-        } else {
-            high = middle
-        }
+        if g(middle) > 0.0 { low = middle } else { high = middle }
     }
     low
 }

@@ -5,11 +5,15 @@
 //! kinematic chains also called damped least squares, `[Buss2004]`), each the minimum of the local
 //! quadratic model inside the limits.
 
-use glam::{DAffine3, DMat3, DQuat, DVec3};
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use glam::{DQuat, DVec3};
+use nalgebra::{DMatrix, DVector};
 
 use crate::pose::{JointTransforms, Pose, RestJoints, forward_kinematics};
 use crate::skeleton::{JointId, N_DOF, Skeleton};
+
+mod start;
+
+pub use start::{initial_pose, solve_from_scratch};
 
 /// Unknowns: root position, small rotation of the root about the world's axes, joint angles.
 const N_UNKNOWNS: usize = 6 + N_DOF;
@@ -20,10 +24,6 @@ const SMALLEST_STIFFNESS: f64 = 1e-6;
 /// The damping factor that begins a search, and the largest that is tried.
 const FIRST_DAMPING: f64 = 1e-3;
 const LARGEST_DAMPING: f64 = 1e8;
-
-/// Other starts that a limb tries, and the distance at which a target counts as reached.
-const LIMB_RESTARTS: usize = 20;
-const REACHED_M: f64 = 5e-4;
 
 /// Where a point that is fixed to a joint's frame should be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,12 +42,7 @@ impl Target {
     /// The joint itself, with weight 1.
     #[must_use]
     pub fn joint(joint: JointId, position: DVec3) -> Self {
-        Self {
-            joint,
-            offset_m: DVec3::ZERO,
-            position,
-            weight: 1.0,
-        }
+        Self { joint, offset_m: DVec3::ZERO, position, weight: 1.0 }
     }
 
     /// The same target with another weight.
@@ -60,9 +55,9 @@ impl Target {
 /// A weak spring at every angle: says what targets leave open.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pull<'a> {
-    /// Angles to be pulled to, [n_dof], radians.
+    /// Angles to be pulled to, `[n_dof]`, radians.
     pub reference: &'a [f64],
-    /// Stiffness, [n_dof]: being one radian off costs as much as a target this many metres off.
+    /// Stiffness, `[n_dof]`: being one radian off costs as much as a target this many metres off.
     pub metres_per_rad: &'a [f64],
 }
 
@@ -77,10 +72,7 @@ pub struct IkConfig {
 
 impl Default for IkConfig {
     fn default() -> Self {
-        Self {
-            max_steps: 60,
-            smallest_step: 1e-6,
-        }
+        Self { max_steps: 60, smallest_step: 1e-6 }
     }
 }
 
@@ -98,7 +90,7 @@ pub enum IkStatus {
 pub struct IkSolution {
     /// The pose, inside the joint limits.
     pub pose: Pose,
-    /// Distance of each target from its point, [n_targets], metres.
+    /// Distance of each target from its point, `[n_targets]`, metres.
     pub residuals_m: Vec<f64>,
     /// Steps taken.
     pub steps: usize,
@@ -122,17 +114,10 @@ pub fn solve(
     config: &IkConfig,
 ) -> IkSolution {
     assert!(
-        targets
-            .iter()
-            .all(|t| t.position.is_finite() && t.offset_m.is_finite() && t.weight >= 0.0),
+        targets.iter().all(|t| t.position.is_finite() && t.offset_m.is_finite() && t.weight >= 0.0),
         "targets must be finite and their weights not negative"
     );
-    assert_eq!(
-        start.angles.len(),
-        N_DOF,
-        "a start of {} angles for {N_DOF}",
-        start.angles.len()
-    );
+    assert_eq!(start.angles.len(), N_DOF, "a start of {} angles for {N_DOF}", start.angles.len());
     assert!(
         start.root_position.is_finite()
             && start.root_orientation.is_finite()
@@ -141,170 +126,10 @@ pub fn solve(
     );
     if let Some(pull) = pull {
         let lengths = (pull.reference.len(), pull.metres_per_rad.len());
-        assert_eq!(
-            lengths,
-            (N_DOF, N_DOF),
-            "a pull of {} and {} values for {N_DOF}",
-            lengths.0,
-            lengths.1
-        );
+        assert_eq!(lengths, (N_DOF, N_DOF), "a pull of {} and {} values for {N_DOF}", lengths.0, lengths.1);
     }
-    let problem = Problem {
-        skeleton: Skeleton::human(),
-        rest,
-        targets,
-        pull,
-    };
+    let problem = Problem { skeleton: Skeleton::human(), rest, targets, pull };
     problem.minimise(start, config)
-}
-
-/// As [`solve`], without a pose to begin with: the root is placed by the pelvis and the trunk, then targets join in
-/// from the pelvis outwards, so that no wrist twists a trunk that is still wrong. A limb that does not reach its target
-/// tries other starts, spread over its limits.
-///
-/// # Panics
-/// As [`solve`].
-#[must_use]
-pub fn solve_from_scratch(
-    rest: &RestJoints,
-    targets: &[Target],
-    pull: Option<Pull<'_>>,
-    config: &IkConfig,
-) -> IkSolution {
-    let mut solution = solve(rest, &[], &initial_pose(rest, targets), None, config);
-    for reach in 0..=targets.iter().map(|t| depth(t.joint)).max().unwrap_or(0) {
-        let near: Vec<Target> = targets
-            .iter()
-            .filter(|t| depth(t.joint) <= reach)
-            .copied()
-            .collect();
-        if near.len() == solution.residuals_m.len() {
-            continue;
-        }
-        solution = solve(rest, &near, &solution.pose, pull, config);
-        for attempt in 1..=LIMB_RESTARTS {
-            let missed = near
-                .iter()
-                .zip(&solution.residuals_m)
-                .filter(|(_, residual)| **residual > REACHED_M);
-            let missed: Vec<JointId> = missed.map(|(target, _)| target.joint).collect();
-            if missed.is_empty() {
-                break;
-            }
-            let other = solve(
-                rest,
-                &near,
-                &with_other_limbs(&solution.pose, &missed, attempt),
-                pull,
-                config,
-            );
-            if weighted_square(&near, &other) < weighted_square(&near, &solution) {
-                solution = other;
-            }
-        }
-    }
-    solution
-}
-
-/// Joints between this one and the pelvis, itself counted.
-fn depth(joint: JointId) -> usize {
-    std::iter::successors(joint.parent(), |parent| parent.parent()).count()
-}
-
-/// `pose` with the limbs that end in the `missed` joints bent otherwise: angles of attempt k at the shares frac(k √p) of
-/// their ranges, with a prime p for each angle of a limb, which fill the ranges evenly.
-fn with_other_limbs(pose: &Pose, missed: &[JointId], attempt: usize) -> Pose {
-    const PRIMES: [f64; 10] = [2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0];
-    let skeleton = Skeleton::human();
-    let mut other = pose.clone();
-    for &end in missed {
-        let limb =
-            std::iter::successors(Some(end), |joint| joint.parent()).take_while(|joint| !is_trunk(*joint));
-        let dofs = limb.flat_map(|joint| skeleton.joint(joint).dofs.clone());
-        for (dof, prime) in dofs.zip(PRIMES) {
-            let [least, largest] = skeleton.dofs()[dof].limits_rad;
-            other.angles[dof] = least + (attempt as f64 * prime.sqrt()).fract() * (largest - least);
-        }
-    }
-    other
-}
-
-fn is_trunk(joint: JointId) -> bool {
-    joint <= JointId::UPPER_CHEST
-}
-
-fn weighted_square(targets: &[Target], solution: &IkSolution) -> f64 {
-    targets
-        .iter()
-        .zip(&solution.residuals_m)
-        .map(|(target, residual)| target.weight * residual * residual)
-        .sum()
-}
-
-/// A pose to begin with when no earlier one is known: angles of the rest pose, root placed by the targets.
-///
-/// # Panics
-/// When a target is not finite.
-#[must_use]
-pub fn initial_pose(rest: &RestJoints, targets: &[Target]) -> Pose {
-    // Pelvis, lumbar and hips are one rigid piece; without three of them the whole trunk must do, then everything.
-    let pelvic = |t: &Target| t.joint == JointId::PELVIS || t.joint.parent() == Some(JointId::PELVIS);
-    let trunk = |t: &Target| pelvic(t) || (t.joint.index() <= JointId::NECK.index()) || is_shoulder(t.joint);
-    let pairs = |part: &dyn Fn(&Target) -> bool| -> Vec<(DVec3, DVec3)> {
-        let used = targets.iter().filter(|t| t.offset_m == DVec3::ZERO && part(t));
-        used.map(|t| (rest[t.joint.index()], t.position)).collect()
-    };
-    let placed = [pairs(&pelvic), pairs(&trunk), pairs(&|_| true)]
-        .iter()
-        .find_map(|pairs| rigid_fit(pairs));
-    let Some(world_from_body) = placed else {
-        let middle = targets.iter().map(|t| t.position).sum::<DVec3>() / targets.len().max(1) as f64;
-        return Pose::upright(middle, 0.0);
-    };
-    let (_, root_orientation, _) = world_from_body.to_scale_rotation_translation();
-    Pose {
-        root_position: world_from_body.transform_point3(rest[JointId::PELVIS.index()]),
-        root_orientation,
-        angles: vec![0.0; N_DOF],
-    }
-}
-
-fn is_shoulder(joint: JointId) -> bool {
-    joint == JointId::LEFT_SHOULDER || joint == JointId::RIGHT_SHOULDER
-}
-
-/// The rigid motion that brings the first points of `pairs` closest to the second ones (`[Kabsch1976]`); `None` when
-/// fewer than three or all in a line.
-fn rigid_fit(pairs: &[(DVec3, DVec3)]) -> Option<DAffine3> {
-    if pairs.len() < 3 {
-        return None;
-    }
-    let count = pairs.len() as f64;
-    let from = pairs.iter().map(|p| p.0).sum::<DVec3>() / count;
-    let to = pairs.iter().map(|p| p.1).sum::<DVec3>() / count;
-    let vector = |v: DVec3| Vector3::new(v.x, v.y, v.z);
-    let covariance: Matrix3<f64> = pairs
-        .iter()
-        .map(|(a, b)| vector(*b - to) * vector(*a - from).transpose())
-        .sum();
-    let svd = covariance.svd(true, true);
-    let (u, v_t) = (svd.u?, svd.v_t?);
-    let mut spread: Vec<f64> = svd.singular_values.iter().copied().collect();
-    spread.sort_by(|a, b| b.total_cmp(a));
-    if spread[1] < 1e-6 * spread[0] || spread[0] <= 0.0 {
-        return None;
-    }
-    let handedness = (u * v_t).determinant().signum();
-    let smallest = svd.singular_values.imin();
-    let mut signs = Vector3::from_element(1.0);
-    signs[smallest] = handedness;
-    let r = u * Matrix3::from_diagonal(&signs) * v_t;
-    let rotation = DMat3::from_cols_slice(r.as_slice());
-    let rotation = DQuat::from_mat3(&rotation).normalize();
-    Some(DAffine3::from_rotation_translation(
-        rotation,
-        to - rotation * from,
-    ))
 }
 
 struct Problem<'a> {
@@ -359,32 +184,18 @@ impl Problem<'_> {
                 }
             }
         }
-        let distance = |t: &Target| {
-            frames[t.joint.index()]
-                .transform_point3(t.offset_m)
-                .distance(t.position)
-        };
-        IkSolution {
-            residuals_m: self.targets.iter().map(distance).collect(),
-            pose,
-            steps,
-            status,
-        }
+        let distance = |t: &Target| frames[t.joint.index()].transform_point3(t.offset_m).distance(t.position);
+        IkSolution { residuals_m: self.targets.iter().map(distance).collect(), pose, steps, status }
     }
 
     fn cost(&self, pose: &Pose, frames: &JointTransforms) -> f64 {
         let miss = |t: &Target| {
-            t.weight
-                * frames[t.joint.index()]
-                    .transform_point3(t.offset_m)
-                    .distance_squared(t.position)
+            t.weight * frames[t.joint.index()].transform_point3(t.offset_m).distance_squared(t.position)
         };
         let targets: f64 = self.targets.iter().map(miss).sum();
         let pull: f64 = self.pull.map_or(0.0, |pull| {
             let springs = pull.reference.iter().zip(pull.metres_per_rad).zip(&pose.angles);
-            springs
-                .map(|((reference, stiffness), angle)| (stiffness * (angle - reference)).powi(2))
-                .sum()
+            springs.map(|((reference, stiffness), angle)| (stiffness * (angle - reference)).powi(2)).sum()
         });
         targets + pull
     }
@@ -451,7 +262,7 @@ impl Problem<'_> {
     }
 }
 
-/// The axis of every angle in the world, [n_dof]; each is turned by the angles before it at its joint.
+/// The axis of every angle in the world, `[n_dof]`; each is turned by the angles before it at its joint.
 fn world_axes(skeleton: &Skeleton, frames: &JointTransforms, pose: &Pose) -> [DVec3; N_DOF] {
     let mut axes = [DVec3::ZERO; N_DOF];
     for joint in JointId::all() {
@@ -475,11 +286,7 @@ fn damped_step(quadratic: &Quadratic, room: &[[f64; 2]], damping: f64) -> Option
     let floor = SMALLEST_STIFFNESS * hessian.diagonal().amax();
     let entry = |i: usize, j: usize| {
         let entry = hessian[(i.max(j), i.min(j))];
-        if i == j {
-            entry + damping * entry.max(floor) + f64::MIN_POSITIVE
-        } else {
-            entry
-        }
+        if i == j { entry + damping * entry.max(floor) + f64::MIN_POSITIVE } else { entry }
     };
     let mut step = DVector::zeros(N_UNKNOWNS);
     // At a wall already and pushed against it.
@@ -487,9 +294,14 @@ fn damped_step(quadratic: &Quadratic, room: &[[f64; 2]], damping: f64) -> Option
         |&i: &usize| (room[i][0] >= 0.0 && gradient[i] > 0.0) || (room[i][1] <= 0.0 && gradient[i] < 0.0);
     let (mut held, mut free): (Vec<usize>, Vec<usize>) = (0..N_UNKNOWNS).partition(is_held);
     loop {
-        let matrix = DMatrix::from_fn(free.len(), free.len(), |i, j| {
-            if j <= i { entry(free[i], free[j]) } else { 0.0 }
-        });
+        let matrix =
+            DMatrix::from_fn(
+                free.len(),
+                free.len(),
+                |i, j| {
+                    if j <= i { entry(free[i], free[j]) } else { 0.0 }
+                },
+            );
         let downhill = DVector::from_fn(free.len(), |i, _| {
             let from_held: f64 = held.iter().map(|&j| entry(free[i], j) * step[j]).sum();
             -gradient[free[i]] - from_held
@@ -498,13 +310,9 @@ fn damped_step(quadratic: &Quadratic, room: &[[f64; 2]], damping: f64) -> Option
         for (i, &unknown) in free.iter().enumerate() {
             step[unknown] = solution[i].clamp(room[unknown][0], room[unknown][1]);
         }
-        let mut inside = solution
-            .iter()
-            .zip(&free)
-            .map(|(change, &unknown)| *change == step[unknown]);
-        let (still_free, newly_held): (Vec<usize>, Vec<usize>) = free
-            .iter()
-            .partition(|_| inside.next().expect("one for each free unknown"));
+        let mut inside = solution.iter().zip(&free).map(|(change, &unknown)| *change == step[unknown]);
+        let (still_free, newly_held): (Vec<usize>, Vec<usize>) =
+            free.iter().partition(|_| inside.next().expect("one for each free unknown"));
         if newly_held.is_empty() {
             return Some(step);
         }

@@ -18,9 +18,9 @@ pub struct MocapJoint {
 /// One instant of a recorded motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MocapFrame {
-    /// Joint positions, [n_joints], metres, world (z up).
+    /// Joint positions, `[n_joints]`, metres, world (z up).
     pub positions: Vec<DVec3>,
-    /// `world_from_segment`, [n_joints]: turns directions of the rest pose (body frame) into the world.
+    /// `world_from_segment`, `[n_joints]`: turns directions of the rest pose (body frame) into the world.
     pub rotations: Vec<DQuat>,
 }
 

@@ -3,13 +3,15 @@
 //! A weak prior for unscripted motion, not a model of any activity: one Gaussian over the joint angles and one over the
 //! steps of root and angles. Both contain each pose and step together with its mirror image.
 
-use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
-use serde::{Deserialize, Serialize};
-
-use crate::container::{self, ContainerError};
 use crate::pose::Pose;
 use crate::retarget::Motion;
 use crate::skeleton::{N_DOF, Skeleton};
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+
+mod file;
+
+pub use file::LoadPriorError;
+use file::{PriorFile, lower_triangle};
 
 /// Coordinates of a step: displacement of the pelvis (3), its rotation vector (3), both in the pelvis frame before the
 /// step, then the joint angles.
@@ -53,41 +55,6 @@ pub enum LearnPriorError {
     /// Steps of different lengths.
     #[error("{motion}: has {found} frames a second, expected {expected} as in the first motion")]
     FrameRate { motion: String, found: f64, expected: f64 },
-}
-
-/// Why bytes are not a prior.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-#[allow(missing_docs, reason = "the messages say what the fields are")]
-pub enum LoadPriorError {
-    /// Another kind or version of file, cut short or damaged.
-    #[error("not a pose prior")]
-    Container(#[source] ContainerError),
-    /// The checksum fits but the data do not decode.
-    #[error("cannot decode the data")]
-    Decode(#[source] postcard::Error),
-    /// An array of another length than the skeleton asks for.
-    #[error("`{field}` has {found} elements, expected {expected}")]
-    FieldLength { field: &'static str, found: usize, expected: usize },
-    /// A covariance that no distribution has.
-    #[error("`{field}` is not positive definite")]
-    NotPositiveDefinite { field: &'static str },
-}
-
-const MAGIC: &str = "UMBRAPRI";
-const VERSION: u32 = 1;
-
-/// What the file of a prior holds. Covariances are lower triangles, row by row.
-#[derive(Debug, Serialize, Deserialize)]
-struct PriorFile {
-    notice: String,
-    n_poses: u64,
-    frame_rate_hz: f64,
-    mean_rad: Vec<f64>,
-    range_rad: Vec<[f64; 2]>,
-    sample_covariance: Vec<f64>,
-    covariance: Vec<f64>,
-    step_covariance: Vec<f64>,
 }
 
 /// Gaussians over poses and steps. See the [module](self) for what they are.
@@ -187,60 +154,6 @@ impl PosePrior {
         Ok(Self::from_file(file).expect("floors of more than zero make covariances positive definite"))
     }
 
-    /// The bytes of its file.
-    #[must_use]
-    pub fn to_bytes(&self) -> Vec<u8> {
-        let file = PriorFile {
-            notice: self.notice.clone(),
-            n_poses: self.n_poses,
-            frame_rate_hz: self.frame_rate_hz,
-            mean_rad: self.mean.as_slice().to_vec(),
-            range_rad: self.range.clone(),
-            sample_covariance: lower_triangle(&self.sample_covariance),
-            covariance: lower_triangle(&self.covariance),
-            step_covariance: lower_triangle(&self.step_covariance),
-        };
-        let data = postcard::to_stdvec(&file).expect("writing to memory cannot fail");
-        container::seal(MAGIC, VERSION, &data)
-    }
-
-    /// Undoes [`PosePrior::to_bytes`].
-    ///
-    /// # Errors
-    /// [`LoadPriorError`] for other or damaged files and numbers that make no prior.
-    pub fn from_bytes(bytes: &[u8]) -> Result<Self, LoadPriorError> {
-        let data = container::open(MAGIC, VERSION, bytes).map_err(LoadPriorError::Container)?;
-        Self::from_file(postcard::from_bytes(data).map_err(LoadPriorError::Decode)?)
-    }
-
-    fn from_file(file: PriorFile) -> Result<Self, LoadPriorError> {
-        check_length("mean_rad", file.mean_rad.len(), N_DOF)?;
-        check_length("range_rad", file.range_rad.len(), N_DOF)?;
-        let sample_covariance = from_lower_triangle("sample_covariance", &file.sample_covariance, N_DOF)?;
-        let covariance = from_lower_triangle("covariance", &file.covariance, N_DOF)?;
-        let step_covariance = from_lower_triangle("step_covariance", &file.step_covariance, N_STEP)?;
-        let factor = |field, matrix: &DMatrix<f64>| {
-            let factors =
-                Cholesky::new(matrix.clone()).ok_or(LoadPriorError::NotPositiveDefinite { field })?;
-            Ok(factors.l())
-        };
-        let (components, component_sd) = principal_components(&sample_covariance);
-        Ok(Self {
-            notice: file.notice,
-            n_poses: file.n_poses,
-            frame_rate_hz: file.frame_rate_hz,
-            mean: DVector::from_vec(file.mean_rad),
-            range: file.range_rad,
-            covariance_factor: factor("covariance", &covariance)?,
-            step_factor: factor("step_covariance", &step_covariance)?,
-            sample_covariance,
-            covariance,
-            components,
-            component_sd,
-            step_covariance,
-        })
-    }
-
     /// Source and terms of the recordings it was learned from.
     #[must_use]
     pub fn notice(&self) -> &str {
@@ -259,25 +172,25 @@ impl PosePrior {
         self.frame_rate_hz
     }
 
-    /// Mean angles, [n_dof], radians.
+    /// Mean angles, `[n_dof]`, radians.
     #[must_use]
     pub fn mean_rad(&self) -> &[f64] {
         self.mean.as_slice()
     }
 
-    /// Standard deviation of each angle, [n_dof], radians, with the floor that regularisation adds.
+    /// Standard deviation of each angle, `[n_dof]`, radians, with the floor that regularisation adds.
     #[must_use]
     pub fn sd_rad(&self) -> Vec<f64> {
         self.covariance.diagonal().map(f64::sqrt).as_slice().to_vec()
     }
 
-    /// Least and largest angle seen, [n_dof], radians.
+    /// Least and largest angle seen, `[n_dof]`, radians.
     #[must_use]
     pub fn range_rad(&self) -> &[[f64; 2]] {
         &self.range
     }
 
-    /// Regularised covariance of the angles, [n_dof, n_dof], radians².
+    /// Regularised covariance of the angles, `[n_dof, n_dof]`, radians².
     #[must_use]
     pub fn covariance(&self) -> &DMatrix<f64> {
         &self.covariance
@@ -399,26 +312,6 @@ fn principal_components(covariance: &DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>) {
         .collect();
     let sd = order.iter().map(|&index| eigen.eigenvalues[index].max(0.0).sqrt().max(SMALLEST_SD)).collect();
     (DMatrix::from_columns(&columns), sd)
-}
-
-fn lower_triangle(matrix: &DMatrix<f64>) -> Vec<f64> {
-    (0..matrix.nrows()).flat_map(|i| (0..=i).map(move |j| matrix[(i, j)])).collect()
-}
-
-fn from_lower_triangle(
-    field: &'static str,
-    entries: &[f64],
-    n: usize,
-) -> Result<DMatrix<f64>, LoadPriorError> {
-    check_length(field, entries.len(), n * (n + 1) / 2)?;
-    Ok(DMatrix::from_fn(n, n, |i, j| {
-        let (row, column) = (i.max(j), i.min(j));
-        entries[row * (row + 1) / 2 + column]
-    }))
-}
-
-fn check_length(field: &'static str, found: usize, expected: usize) -> Result<(), LoadPriorError> {
-    if found == expected { Ok(()) } else { Err(LoadPriorError::FieldLength { field, found, expected }) }
 }
 
 #[cfg(test)]

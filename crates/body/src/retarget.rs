@@ -16,7 +16,7 @@ use crate::skeleton::{JointId, N_DOF, N_JOINTS, Skeleton};
 mod smooth;
 mod table;
 
-use table::{Follows, Segment};
+use table::{Lies, Segment};
 
 /// How to carry a motion over.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -74,7 +74,7 @@ pub enum RetargetClipError {
     #[error(
         "{clip}: has no joint `{joint}`, expected the joints of the CMU database or of the 44-number humanoid"
     )]
-    MissingJoint { clip: String, joint: &'static str },
+    MissingJoint { clip: String, joint: String },
     /// Nothing to carry over.
     #[error("{clip}: has no frames")]
     NoFrames { clip: String },
@@ -144,27 +144,24 @@ struct ResolvedSegment {
 
 impl Source {
     fn new(clip: &MocapClip, rest: &RestJoints) -> Result<Self, RetargetClipError> {
-        let find = |joint: &'static str| {
-            clip.joint(joint)
-                .ok_or_else(|| RetargetClipError::MissingJoint { clip: clip.name.clone(), joint })
+        let find = |joint: &str| {
+            let missing =
+                || RetargetClipError::MissingJoint { clip: clip.name.clone(), joint: joint.to_owned() };
+            clip.joint(joint).ok_or_else(missing)
         };
         let table = if clip.joint("chest").is_some() { table::humanoid() } else { table::cmu() };
         let mut segments = Vec::with_capacity(table.segments.len());
-        for Segment { joint, follows, lies } in &table.segments {
-            let (first, second, share) = match *follows {
-                Follows::One(name) => (name, name, 0.0),
-                Follows::Between(first, second, share) => (first, second, share),
-            };
+        for Segment { joint, follows: [first, second], share, lies } in &table.segments {
             let follows = [find(first)?, find(second)?];
-            let source_from_ours = match *lies {
-                table::Lies::Upright => DQuat::IDENTITY,
-                table::Lies::Along { end, our_end, side, our_side } => {
+            let source_from_ours = match lies {
+                Lies::Upright => DQuat::IDENTITY,
+                Lies::Along { end, our_end, side, our_side } => {
                     let along = clip.joints[find(end)?].rest_position - clip.joints[follows[0]].rest_position;
                     let ours = rest[our_end.index()] - rest[joint.index()];
-                    frame(along, side) * frame(ours, our_side).inverse()
+                    frame(along, *side) * frame(ours, *our_side).inverse()
                 }
             };
-            segments.push(ResolvedSegment { joint: *joint, follows, share, source_from_ours });
+            segments.push(ResolvedSegment { joint: *joint, follows, share: *share, source_from_ours });
         }
         let [hip, knee, ankle] = table.left_leg;
         let at = |joint| find(joint).map(|index| clip.joints[index].rest_position);

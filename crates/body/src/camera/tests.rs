@@ -60,13 +60,8 @@ fn projects_as_opencv_does() {
 fn undistorts_as_opencv_does() {
     let camera = distorted_camera();
     for (pixel, ideal) in OPENCV_UNDISTORTIONS {
-        let ours = camera
-            .undistort(DVec2::from(pixel) + 0.5)
-            .expect("inside the image");
-        assert!(
-            ours.distance(ideal.into()) < 1e-9,
-            "{pixel:?}: {ours} against {ideal:?}"
-        );
+        let ours = camera.undistort(DVec2::from(pixel) + 0.5).expect("inside the image");
+        assert!(ours.distance(ideal.into()) < 1e-9, "{pixel:?}: {ours} against {ideal:?}");
     }
 }
 
@@ -80,11 +75,7 @@ fn points_beyond_the_fold_are_not_seen() {
     let camera = Camera::new(intrinsics, DMat3::IDENTITY, DVec3::ZERO).expect("a good camera");
     assert!(camera.project_from_camera(DVec3::new(1.290, 0.0, 1.0)).is_some());
     assert_eq!(camera.project_from_camera(DVec3::new(1.292, 0.0, 1.0)), None);
-    assert!(
-        camera
-            .undistort(DVec2::new(320.0 + 700.0 * 0.8605, 240.0))
-            .is_some()
-    );
+    assert!(camera.undistort(DVec2::new(320.0 + 700.0 * 0.8605, 240.0)).is_some());
     assert_eq!(camera.undistort(DVec2::new(320.0 + 700.0 * 0.8610, 240.0)), None);
 }
 
@@ -107,11 +98,7 @@ fn an_upright_camera_sees_up_as_up() {
     let east = camera.project(DVec3::new(1.0, 4.0, 1.0)).expect("in view");
     assert!(feet.y > head.y && (feet.x - 320.0).abs() < 1e-9 && (head.x - 320.0).abs() < 1e-9);
     assert!(east.x > 320.0);
-    let floor = camera
-        .ray(feet)
-        .expect("in view")
-        .at_height(0.0)
-        .expect("the ray goes down");
+    let floor = camera.ray(feet).expect("in view").at_height(0.0).expect("the ray goes down");
     assert!(floor.distance(DVec3::new(0.0, 4.0, 0.0)) < 1e-9);
     assert_eq!(camera.ray(head).expect("in view").at_height(0.0), None);
 }
@@ -131,19 +118,10 @@ fn scaling_keeps_corners() {
 fn says_what_is_wrong() {
     let good = *distorted_camera().intrinsics();
     let message = |intrinsics, rotation, translation| {
-        Camera::new(intrinsics, rotation, translation)
-            .expect_err("a bad camera")
-            .to_string()
+        Camera::new(intrinsics, rotation, translation).expect_err("a bad camera").to_string()
     };
     assert_eq!(
-        message(
-            Intrinsics {
-                focal_px: [-3.0, 7.0],
-                ..good
-            },
-            DMat3::IDENTITY,
-            DVec3::ZERO
-        ),
+        message(Intrinsics { focal_px: [-3.0, 7.0], ..good }, DMat3::IDENTITY, DVec3::ZERO),
         "focal length is [-3.0, 7.0] px, expected two positive numbers"
     );
     assert_eq!(
@@ -159,15 +137,11 @@ fn says_what_is_wrong() {
     assert!(message(good, DMat3::from_diagonal(DVec3::splat(f64::NAN)), DVec3::ZERO).contains("NaN"));
     assert!(message(good, DMat3::IDENTITY, DVec3::NAN).starts_with("translation is [NaN"));
     assert_eq!(
-        Camera::look_at(good, DVec3::ZERO, DVec3::Z)
-            .expect_err("vertical")
-            .to_string(),
+        Camera::look_at(good, DVec3::ZERO, DVec3::Z).expect_err("vertical").to_string(),
         "camera at [0.0, 0.0, 0.0] looks at [0.0, 0.0, 1.0], expected a direction that is not vertical"
     );
     assert_eq!(
-        Intrinsics::from_horizontal_fov(640, 480, f64::NAN)
-            .expect_err("no angle")
-            .to_string(),
+        Intrinsics::from_horizontal_fov(640, 480, f64::NAN).expect_err("no angle").to_string(),
         "field of view is NaN rad, expected more than 0 and less than pi"
     );
 }

@@ -30,11 +30,7 @@ fn mean_joints() -> RestJoints {
         let joint = JointId::from_index(joint).expect("one of the joints");
         let is_right = joint.mirror() < joint;
         let source = if is_right { joint.mirror() } else { joint };
-        let [x, y, z] = left_or_middle[if source == JointId::LEFT_HEEL {
-            18
-        } else {
-            source.index()
-        }];
+        let [x, y, z] = left_or_middle[if source == JointId::LEFT_HEEL { 18 } else { source.index() }];
         DVec3::new(if is_right { -x } else { x }, y, z)
     })
 }
@@ -54,9 +50,7 @@ fn pose_from(shares: &[f64], root: [f64; 3], turn: [f64; 3]) -> Pose {
 
 fn all_joints(rest: &RestJoints, pose: &Pose) -> Vec<Target> {
     let frames = forward_kinematics(Skeleton::human(), rest, pose);
-    JointId::all()
-        .map(|joint| Target::joint(joint, frames[joint.index()].translation))
-        .collect()
+    JointId::all().map(|joint| Target::joint(joint, frames[joint.index()].translation)).collect()
 }
 
 fn worst(solution: &IkSolution) -> f64 {
@@ -66,11 +60,7 @@ fn worst(solution: &IkSolution) -> f64 {
 fn assert_inside_limits(pose: &Pose) {
     for (angle, dof) in pose.angles.iter().zip(Skeleton::human().dofs()) {
         let [least, largest] = dof.limits_rad;
-        assert!(
-            (least..=largest).contains(angle),
-            "{} is {angle}, outside {least} to {largest}",
-            dof.name
-        );
+        assert!((least..=largest).contains(angle), "{} is {angle}, outside {least} to {largest}", dof.name);
     }
 }
 
@@ -78,37 +68,20 @@ fn assert_inside_limits(pose: &Pose) {
 fn the_jacobian_is_the_derivative_of_the_cost() {
     let rest = mean_joints();
     let pose = pose_from(&[0.4; N_DOF], [0.3, -0.2, 0.9], [0.4, 1.0, -0.3]);
-    let mut targets = all_joints(
-        &rest,
-        &pose_from(&[0.55; N_DOF], [0.2, 0.0, 1.0], [0.0, 0.7, 0.1]),
-    );
+    let mut targets = all_joints(&rest, &pose_from(&[0.55; N_DOF], [0.2, 0.0, 1.0], [0.0, 0.7, 0.1]));
     targets[11].offset_m = DVec3::new(0.01, 0.05, -0.03);
     targets[4].weight = 2.5;
     let (reference, metres_per_rad) = (vec![0.1; N_DOF], vec![0.02; N_DOF]);
-    let pull = Pull {
-        reference: &reference,
-        metres_per_rad: &metres_per_rad,
-    };
-    let problem = Problem {
-        skeleton: Skeleton::human(),
-        rest: &rest,
-        targets: &targets,
-        pull: Some(pull),
-    };
+    let pull = Pull { reference: &reference, metres_per_rad: &metres_per_rad };
+    let problem = Problem { skeleton: Skeleton::human(), rest: &rest, targets: &targets, pull: Some(pull) };
     let cost = |pose: &Pose| problem.cost(pose, &forward_kinematics(Skeleton::human(), &rest, pose));
-    let gradient = problem
-        .linearise(&pose, &forward_kinematics(Skeleton::human(), &rest, &pose))
-        .gradient;
+    let gradient = problem.linearise(&pose, &forward_kinematics(Skeleton::human(), &rest, &pose)).gradient;
     for unknown in 0..N_UNKNOWNS {
         let mut step = DVector::zeros(N_UNKNOWNS);
         step[unknown] = 1e-6;
         let slope = (cost(&problem.moved(&pose, &step)) - cost(&problem.moved(&pose, &-step))) / 2e-6;
         // The gradient is that of half the cost.
-        assert!(
-            (slope - 2.0 * gradient[unknown]).abs() < 1e-6,
-            "{unknown}: {slope} {}",
-            gradient[unknown]
-        );
+        assert!((slope - 2.0 * gradient[unknown]).abs() < 1e-6, "{unknown}: {slope} {}", gradient[unknown]);
     }
 }
 
@@ -150,15 +123,8 @@ fn unreachable_targets_are_approached_along_the_straight_arm() {
     assert_inside_limits(&solution.pose);
     let frames = forward_kinematics(Skeleton::human(), &rest, &solution.pose);
     let arm = frames[JointId::LEFT_WRIST.index()].translation - shoulder;
-    assert!(
-        arm.angle_between(goal - shoulder) < 0.05,
-        "the arm points along {arm}"
-    );
-    assert!(
-        arm.length() > 0.48,
-        "the arm is {} m long, of 0.50 m when straight",
-        arm.length()
-    );
+    assert!(arm.angle_between(goal - shoulder) < 0.05, "the arm points along {arm}");
+    assert!(arm.length() > 0.48, "the arm is {} m long, of 0.50 m when straight", arm.length());
     assert!(*solution.residuals_m.last().expect("the wrist") > 1.3);
 }
 
@@ -166,17 +132,10 @@ fn unreachable_targets_are_approached_along_the_straight_arm() {
 fn a_pull_decides_what_targets_leave_open() {
     let rest = mean_joints();
     let start = Pose::upright(DVec3::new(0.0, 0.0, 0.9), 0.0);
-    let reference: Vec<f64> = Skeleton::human()
-        .dofs()
-        .iter()
-        .map(|dof| dof.clamp(0.2))
-        .collect();
+    let reference: Vec<f64> = Skeleton::human().dofs().iter().map(|dof| dof.clamp(0.2)).collect();
     let pelvis_only = &all_joints(&rest, &start)[..1];
     let metres_per_rad = vec![0.01; N_DOF];
-    let pull = Pull {
-        reference: &reference,
-        metres_per_rad: &metres_per_rad,
-    };
+    let pull = Pull { reference: &reference, metres_per_rad: &metres_per_rad };
     let solution = solve(&rest, pelvis_only, &start, Some(pull), &IkConfig::default());
     assert_eq!(solution.status, IkStatus::Converged);
     for (angle, reference) in solution.pose.angles.iter().zip(&reference) {
@@ -189,13 +148,7 @@ fn a_pull_decides_what_targets_leave_open() {
 #[should_panic(expected = "targets must be finite")]
 fn refuses_targets_that_are_nowhere() {
     let target = Target::joint(JointId::PELVIS, DVec3::NAN);
-    let _ = solve(
-        &mean_joints(),
-        &[target],
-        &Pose::upright(DVec3::ZERO, 0.0),
-        None,
-        &IkConfig::default(),
-    );
+    let _ = solve(&mean_joints(), &[target], &Pose::upright(DVec3::ZERO, 0.0), None, &IkConfig::default());
 }
 
 proptest! {

@@ -13,9 +13,9 @@ use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 /// A mesh, or points alone.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeshFile {
-    /// In the file's unit, axes and order, [n_vertices].
+    /// In the file's unit, axes and order, `[n_vertices]`.
     pub positions: Vec<[f32; 3]>,
-    /// Faces of more than three corners are cut into fans, [n_triangles].
+    /// Faces of more than three corners are cut into fans, `[n_triangles]`.
     pub triangles: Vec<[u32; 3]>,
 }
 

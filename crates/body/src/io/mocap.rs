@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 
 mod asf;
 mod bvh;
@@ -83,13 +83,15 @@ impl<'a> Words<'a> {
         Ok(word)
     }
 
-    /// All words of the line that the next word stands in, from that word on.
+    /// How many words are left in the line that the next word stands in.
+    fn left_in_line(&self) -> usize {
+        self.words[self.next..].iter().take_while(|(line, _)| Some(*line) == self.line()).count()
+    }
+
+    /// Those words.
     fn rest_of_line(&mut self) -> &[(usize, &'a str)] {
         let start = self.next;
-        let line = self.line();
-        while self.line().is_some() && self.line() == line {
-            self.next += 1;
-        }
+        self.next += self.left_in_line();
         &self.words[start..self.next]
     }
 
@@ -116,24 +118,11 @@ impl<'a> Words<'a> {
     }
 }
 
-/// What a channel of a motion file changes.
+/// What a channel of a motion file changes: place along an axis or rotation about it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Channel {
     Move(DVec3),
     Turn(DVec3),
-}
-
-impl Channel {
-    /// The movement of channel values: translations add up, rotations multiply in the order of the channels.
-    fn apply(channels: &[Self], values: &[f64], radians: f64) -> (DVec3, DQuat) {
-        channels.iter().zip(values).fold(
-            (DVec3::ZERO, DQuat::IDENTITY),
-            |(shift, turn), (channel, &value)| match *channel {
-                Self::Move(axis) => (shift + value * axis, turn),
-                Self::Turn(axis) => (shift, turn * DQuat::from_axis_angle(axis, value * radians)),
-            },
-        )
-    }
 }
 
 #[cfg(test)]

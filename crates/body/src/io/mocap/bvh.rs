@@ -103,27 +103,25 @@ fn parse_frame(
     frame: usize,
     metres_per_unit: f64,
 ) -> Result<MocapFrame, LoadMocapError> {
-    let line = words.line();
+    let expected = nodes.iter().map(|node| node.channels.len()).sum();
+    let count = words.left_in_line();
+    if count != expected {
+        return Err(LoadMocapError::FrameLength { path: words.path.to_owned(), frame, count, expected });
+    }
     let mut positions: Vec<DVec3> = Vec::with_capacity(nodes.len());
     let mut rotations: Vec<DQuat> = Vec::with_capacity(nodes.len());
-    let mut count = 0;
-    let expected = nodes.iter().map(|node| node.channels.len()).sum();
-    let wrong_length =
-        |count| LoadMocapError::FrameLength { path: words.path.to_owned(), frame, count, expected };
-    let on_line = words.words[words.next..].iter().take_while(|(at, _)| Some(*at) == line).count();
-    if on_line != expected {
-        return Err(wrong_length(on_line));
-    }
     for node in nodes {
-        let mut values = Vec::with_capacity(node.channels.len());
-        for _ in &node.channels {
-            values.push(words.number("a number")?);
-            count += 1;
+        let (mut shift, mut turn) = (DVec3::ZERO, DQuat::IDENTITY);
+        for channel in &node.channels {
+            let value = words.number("a number")?;
+            match *channel {
+                Channel::Move(axis) => shift += value * metres_per_unit * axis,
+                Channel::Turn(axis) => turn *= DQuat::from_axis_angle(axis, value.to_radians()),
+            }
         }
-        let (shift, turn) = Channel::apply(&node.channels, &values, 1f64.to_radians());
-        let moves = node.channels.iter().any(|channel| matches!(channel, Channel::Move(_)));
         // Position channels stand in place of the offset.
-        let local = if moves { shift * metres_per_unit } else { node.offset_m };
+        let moves = node.channels.iter().any(|channel| matches!(channel, Channel::Move(_)));
+        let local = if moves { shift } else { node.offset_m };
         match node.parent {
             None => {
                 positions.push(world_from_y_up(local));
@@ -135,6 +133,5 @@ fn parse_frame(
             }
         }
     }
-    debug_assert_eq!(count, expected);
     Ok(MocapFrame { positions, rotations })
 }
