@@ -35,12 +35,7 @@ impl<'a> RgbView<'a> {
         if data.len() == expected {
             Ok(Self { width, height, data })
         } else {
-            Err(RgbSizeError {
-                width,
-                height,
-                found: data.len(),
-                expected,
-            })
+            Err(RgbSizeError { width, height, found: data.len(), expected })
         }
     }
 }
@@ -74,11 +69,7 @@ impl Geometry {
         while pixels_at(reduction) > Self::MAX_WORKING_PIXELS {
             reduction += 1;
         }
-        Self {
-            width,
-            height,
-            reduction,
-        }
+        Self { width, height, reduction }
     }
 
     /// Columns of a working image, pixels; columns that do not fill a working pixel are left out.
@@ -135,6 +126,11 @@ impl RgbPlanes {
         }
     }
 
+    /// Red, green and blue of the pixel of index `y * width + x`.
+    pub fn color(&self, pixel: usize) -> [f32; 3] {
+        [self.planes[0][pixel], self.planes[1][pixel], self.planes[2][pixel]]
+    }
+
     /// `frame` reduced to the working size.
     ///
     /// # Panics
@@ -157,25 +153,13 @@ impl RgbPlanes {
         let mut sums = vec![0u16; 3 * self.width * reduction];
         for y in 0..self.height {
             sums.fill(0);
-            for row in frame
-                .data
-                .chunks_exact(frame_stride)
-                .skip(y * reduction)
-                .take(reduction)
-            {
-                sums.iter_mut()
-                    .zip(row)
-                    .for_each(|(sum, &byte)| *sum += u16::from(byte));
+            for row in frame.data.chunks_exact(frame_stride).skip(y * reduction).take(reduction) {
+                sums.iter_mut().zip(row).for_each(|(sum, &byte)| *sum += u16::from(byte));
             }
             for x in 0..self.width {
                 let block = &sums[3 * x * reduction..3 * (x + 1) * reduction];
                 for (channel, plane) in self.planes.iter_mut().enumerate() {
-                    let sum: u32 = block
-                        .iter()
-                        .skip(channel)
-                        .step_by(3)
-                        .map(|&sum| u32::from(sum))
-                        .sum();
+                    let sum: u32 = block.iter().skip(channel).step_by(3).map(|&sum| u32::from(sum)).sum();
                     plane[y * self.width + x] = sum as f32 * share;
                 }
             }
@@ -191,14 +175,7 @@ mod tests {
     fn planes_are_block_means() {
         let data: Vec<u8> = (0..5 * 3 * 3).map(|i| (i * 5) as u8).collect();
         let view = RgbView::new(5, 3, &data).unwrap();
-        let image = RgbPlanes::from_view(
-            &view,
-            Geometry {
-                width: 5,
-                height: 3,
-                reduction: 2,
-            },
-        );
+        let image = RgbPlanes::from_view(&view, Geometry { width: 5, height: 3, reduction: 2 });
         assert_eq!((image.width, image.height), (2, 1));
         for (channel, plane) in image.planes.iter().enumerate() {
             for (x, &value) in plane.iter().enumerate() {
@@ -212,9 +189,6 @@ mod tests {
     #[test]
     fn sizes_are_checked() {
         let error = RgbView::new(4, 2, &[0; 23]).unwrap_err();
-        assert_eq!(
-            error.to_string(),
-            "23 bytes for an RGB image of 4 x 2, expected 24"
-        );
+        assert_eq!(error.to_string(), "23 bytes for an RGB image of 4 x 2, expected 24");
     }
 }

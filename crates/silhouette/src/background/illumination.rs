@@ -44,11 +44,7 @@ pub struct IlluminationMatch {
 impl IlluminationMatch {
     /// For images of the size of `like`.
     pub fn new(like: &RgbPlanes) -> Self {
-        Self {
-            matched: like.clone(),
-            field: Vec::new(),
-            field_row: Vec::new(),
-        }
+        Self { matched: like.clone(), field: Vec::new(), field_row: Vec::new() }
     }
 
     /// The background of the last match, in the light of its frame.
@@ -68,26 +64,17 @@ impl IlluminationMatch {
             "frame and background"
         );
         let samples = sample_positions(frame, person);
-        let mut report = IlluminationReport {
-            gain: [1.0; 3],
-            offset: [0.0; 3],
-            noise_sd: 0.0,
-        };
+        let mut report = IlluminationReport { gain: [1.0; 3], offset: [0.0; 3], noise_sd: 0.0 };
         for channel in 0..3 {
-            let pairs = samples
-                .iter()
-                .map(|&at| (background.planes[channel][at], frame.planes[channel][at]));
+            let pairs = samples.iter().map(|&at| (background.planes[channel][at], frame.planes[channel][at]));
             let line = robust_line(pairs.collect());
             report.gain[channel] = line.gain;
             report.offset[channel] = line.offset;
             report.noise_sd += line.residual_sd / 3.0;
             let matched = &mut self.matched.planes[channel];
-            matched
-                .iter_mut()
-                .zip(&background.planes[channel])
-                .for_each(|(out, &value)| {
-                    *out = line.gain * value + line.offset;
-                });
+            matched.iter_mut().zip(&background.planes[channel]).for_each(|(out, &value)| {
+                *out = line.gain * value + line.offset;
+            });
         }
         self.fit_field(frame, &samples, report.noise_sd);
         self.apply_field();
@@ -138,10 +125,7 @@ impl IlluminationMatch {
             let (row, next_row, part) = between_cells(y, cell_px, rows);
             self.field_row.clear();
             self.field_row.extend((0..columns).map(|column| {
-                let (a, b) = (
-                    self.field[row * columns + column],
-                    self.field[next_row * columns + column],
-                );
+                let (a, b) = (self.field[row * columns + column], self.field[next_row * columns + column]);
                 std::array::from_fn(|channel| a[channel] + part * (b[channel] - a[channel]))
             }));
             for (channel, plane) in self.matched.planes.iter_mut().enumerate() {
@@ -153,17 +137,8 @@ impl IlluminationMatch {
 
     /// Columns and rows of cells, and the side of a cell in pixels.
     fn field_size(&self) -> (usize, usize, usize) {
-        let cell_px = self
-            .matched
-            .width
-            .max(self.matched.height)
-            .div_ceil(FIELD_CELLS)
-            .max(1);
-        (
-            self.matched.width.div_ceil(cell_px),
-            self.matched.height.div_ceil(cell_px),
-            cell_px,
-        )
+        let cell_px = self.matched.width.max(self.matched.height).div_ceil(FIELD_CELLS).max(1);
+        (self.matched.width.div_ceil(cell_px), self.matched.height.div_ceil(cell_px), cell_px)
     }
 }
 
@@ -173,11 +148,7 @@ fn apply_field_row(pixels: &mut [f32], gains: &[[f32; 3]], channel: usize, cell_
     let mut start = 0;
     while start < pixels.len() {
         let (left, right, part) = between_cells(start, cell_px, gains.len());
-        let end = if start < half {
-            half
-        } else {
-            half + ((start - half) / cell_px + 1) * cell_px
-        };
+        let end = if start < half { half } else { half + ((start - half) / cell_px + 1) * cell_px };
         let end = end.clamp(start + 1, pixels.len().max(start + 1));
         let (from, to) = (gains[left][channel], gains[right][channel]);
         let step = (to - from) / cell_px as f32;
@@ -200,9 +171,7 @@ fn between_cells(at: usize, cell_px: usize, n_cells: usize) -> (usize, usize, f3
 
 /// Indices of working pixels on a regular grid, outside `person`.
 fn sample_positions(image: &RgbPlanes, person: &Mask) -> Vec<usize> {
-    let step = ((image.width * image.height) as f64 / SAMPLES as f64)
-        .sqrt()
-        .max(1.0) as usize;
+    let step = ((image.width * image.height) as f64 / SAMPLES as f64).sqrt().max(1.0) as usize;
     let rows = (step / 2..image.height).step_by(step);
     rows.flat_map(|y| (step / 2..image.width).step_by(step).map(move |x| (x, y)))
         .filter(|&(x, y)| !person.get(x as u32, y as u32))
@@ -220,22 +189,11 @@ struct Line {
 /// Fits `frame = gain * background + offset`: median ratio first, then least squares with Tukey's biweight.
 fn robust_line(mut pairs: Vec<(f32, f32)>) -> Line {
     pairs.retain(|(background, frame)| UNCLIPPED.contains(background) && UNCLIPPED.contains(frame));
-    let mut ratios: Vec<f32> = pairs
-        .iter()
-        .map(|(background, frame)| frame / background)
-        .collect();
+    let mut ratios: Vec<f32> = pairs.iter().map(|(background, frame)| frame / background).collect();
     let Some(ratio) = median(&mut ratios) else {
-        return Line {
-            gain: 1.0,
-            offset: 0.0,
-            residual_sd: 0.0,
-        };
+        return Line { gain: 1.0, offset: 0.0, residual_sd: 0.0 };
     };
-    let mut line = Line {
-        gain: ratio,
-        offset: 0.0,
-        residual_sd: 0.0,
-    };
+    let mut line = Line { gain: ratio, offset: 0.0, residual_sd: 0.0 };
     let mut residuals = vec![0.0f32; pairs.len()];
     for _ in 0..ROUNDS {
         for (residual, (x, y)) in residuals.iter_mut().zip(&pairs) {
@@ -290,9 +248,7 @@ fn smooth_cells(cells: &mut [[[f32; 3]; 2]], columns: usize, rows: usize) {
     };
     for row in cells.chunks_exact_mut(columns) {
         let before = row.to_vec();
-        row.iter_mut()
-            .enumerate()
-            .for_each(|(at, cell)| *cell = blend(&before, at));
+        row.iter_mut().enumerate().for_each(|(at, cell)| *cell = blend(&before, at));
     }
     for column in 0..columns {
         let before: Vec<_> = (0..rows).map(|row| cells[row * columns + column]).collect();

@@ -26,10 +26,7 @@ pub struct TemporalMedian {
 impl TemporalMedian {
     /// No frames yet.
     pub fn new(geometry: Geometry) -> Self {
-        Self {
-            geometry,
-            frames: Vec::new(),
-        }
+        Self { geometry, frames: Vec::new() }
     }
 
     /// Adds a frame. Some 30 to 60 frames spread over the clip serve; each costs three bytes a working pixel.
@@ -38,11 +35,7 @@ impl TemporalMedian {
     /// When the frame has another size than promised.
     pub fn push(&mut self, frame: &RgbView<'_>) {
         let image = RgbPlanes::from_view(frame, self.geometry);
-        self.frames.push(
-            image
-                .planes
-                .map(|plane| plane.iter().map(|&value| (value + 0.5) as u8).collect()),
-        );
+        self.frames.push(image.planes.map(|plane| plane.iter().map(|&value| (value + 0.5) as u8).collect()));
     }
 
     /// The median of each pixel, with the spread that its median absolute deviation tells. `None` without frames.
@@ -53,14 +46,9 @@ impl TemporalMedian {
         let mut values = vec![0u8; self.frames.len()];
         for (channel, plane) in mean.planes.iter_mut().enumerate() {
             for (pixel, median) in plane.iter_mut().enumerate() {
-                values
-                    .iter_mut()
-                    .zip(&self.frames)
-                    .for_each(|(value, frame)| *value = frame[channel][pixel]);
+                values.iter_mut().zip(&self.frames).for_each(|(value, frame)| *value = frame[channel][pixel]);
                 let center = *values.select_nth_unstable(middle).1;
-                values
-                    .iter_mut()
-                    .for_each(|value| *value = value.abs_diff(center));
+                values.iter_mut().for_each(|value| *value = value.abs_diff(center));
                 let deviation = *values.select_nth_unstable(middle).1;
                 *median = f32::from(center);
                 noise[pixel] += SD_PER_MAD * f32::from(deviation) / 3.0;

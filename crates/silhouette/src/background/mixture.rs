@@ -24,13 +24,7 @@ pub struct MixtureConfig {
 
 impl Default for MixtureConfig {
     fn default() -> Self {
-        Self {
-            learning_rate: 0.01,
-            match_sd: 4.0,
-            initial_sd: 8.0,
-            minimum_sd: 1.5,
-            background_share: 0.7,
-        }
+        Self { learning_rate: 0.01, match_sd: 4.0, initial_sd: 8.0, minimum_sd: 1.5, background_share: 0.7 }
     }
 }
 
@@ -56,17 +50,10 @@ impl MixtureParams {
     /// # Errors
     /// When a share is not inside (0, 1) or a length not above zero.
     pub fn new(config: MixtureConfig) -> Result<Self, MixtureParamsError> {
-        let shares = [
-            ("learning_rate", config.learning_rate),
-            ("background_share", config.background_share),
-        ];
+        let shares = [("learning_rate", config.learning_rate), ("background_share", config.background_share)];
         for (field, value) in shares {
             if !(value > 0.0 && value < 1.0) {
-                return Err(MixtureParamsError {
-                    field,
-                    value,
-                    expected: "a share between 0 and 1",
-                });
+                return Err(MixtureParamsError { field, value, expected: "a share between 0 and 1" });
             }
         }
         let lengths = [
@@ -76,11 +63,7 @@ impl MixtureParams {
         ];
         for (field, value) in lengths {
             if !(value > 0.0 && value.is_finite()) {
-                return Err(MixtureParamsError {
-                    field,
-                    value,
-                    expected: "a number above 0",
-                });
+                return Err(MixtureParamsError { field, value, expected: "a number above 0" });
             }
         }
         Ok(Self(config))
@@ -97,11 +80,7 @@ struct Mode {
 
 impl Mode {
     fn squared_distance(&self, color: [f32; 3]) -> f32 {
-        self.mean
-            .iter()
-            .zip(color)
-            .map(|(mean, value)| (value - mean) * (value - mean))
-            .sum()
+        self.mean.iter().zip(color).map(|(mean, value)| (value - mean) * (value - mean)).sum()
     }
 }
 
@@ -148,21 +127,14 @@ impl BackgroundModel for MixtureModel {
     fn expected(&mut self, frame: &RgbPlanes) -> Expected<'_> {
         let share = self.params.0.background_share;
         for (pixel, modes) in self.modes.iter().enumerate() {
-            let color = color_at(frame, pixel);
+            let color = frame.color(pixel);
             let nearest = background_modes(modes, share)
                 .min_by(|a, b| a.squared_distance(color).total_cmp(&b.squared_distance(color)));
             let (mean, variance) = nearest.map_or((color, 0.0), |mode| (mode.mean, mode.variance));
-            self.mean
-                .planes
-                .iter_mut()
-                .zip(mean)
-                .for_each(|(plane, value)| plane[pixel] = value);
+            self.mean.planes.iter_mut().zip(mean).for_each(|(plane, value)| plane[pixel] = value);
             self.noise[pixel] = variance.sqrt();
         }
-        Expected {
-            mean: &self.mean,
-            noise: &self.noise,
-        }
+        Expected { mean: &self.mean, noise: &self.noise }
     }
 
     fn learn(&mut self, frame: &RgbPlanes, person: &Mask) {
@@ -174,24 +146,11 @@ impl BackgroundModel for MixtureModel {
             for (x0, x1) in background.runs(y) {
                 let row = y as usize * frame.width;
                 for pixel in row + x0 as usize..row + x1 as usize {
-                    update(
-                        &mut self.modes[pixel],
-                        color_at(frame, pixel),
-                        rate,
-                        &self.params.0,
-                    );
+                    update(&mut self.modes[pixel], frame.color(pixel), rate, &self.params.0);
                 }
             }
         }
     }
-}
-
-fn color_at(image: &RgbPlanes, pixel: usize) -> [f32; 3] {
-    [
-        image.planes[0][pixel],
-        image.planes[1][pixel],
-        image.planes[2][pixel],
-    ]
 }
 
 /// The heaviest modes that together hold `share` of the weight; `[Stauffer1999]` eq. (9).
@@ -208,9 +167,8 @@ fn background_modes(modes: &[Mode; MODES], share: f32) -> impl Iterator<Item = &
 fn update(modes: &mut [Mode; MODES], color: [f32; 3], rate: f32, config: &MixtureConfig) {
     let reach = config.match_sd * config.match_sd;
     // Three channels of variance each: the distance is compared per channel on average.
-    let matched = modes
-        .iter()
-        .position(|m| m.weight > 0.0 && m.squared_distance(color) < 3.0 * reach * m.variance);
+    let matched =
+        modes.iter().position(|m| m.weight > 0.0 && m.squared_distance(color) < 3.0 * reach * m.variance);
     modes.iter_mut().for_each(|mode| mode.weight *= 1.0 - rate);
     let index = matched.unwrap_or(MODES - 1);
     let mode = &mut modes[index];
@@ -218,18 +176,11 @@ fn update(modes: &mut [Mode; MODES], color: [f32; 3], rate: f32, config: &Mixtur
         mode.weight += rate;
         let step = rate / mode.weight;
         let spread = mode.squared_distance(color) / 3.0;
-        mode.mean
-            .iter_mut()
-            .zip(color)
-            .for_each(|(mean, value)| *mean += step * (value - *mean));
+        mode.mean.iter_mut().zip(color).for_each(|(mean, value)| *mean += step * (value - *mean));
         let least = config.minimum_sd * config.minimum_sd;
         mode.variance = (mode.variance + step * (spread - mode.variance)).max(least);
     } else {
-        *mode = Mode {
-            weight: rate,
-            mean: color,
-            variance: config.initial_sd * config.initial_sd,
-        };
+        *mode = Mode { weight: rate, mean: color, variance: config.initial_sd * config.initial_sd };
     }
     let total: f32 = modes.iter().map(|mode| mode.weight).sum();
     modes.iter_mut().for_each(|mode| mode.weight /= total);

@@ -37,3 +37,6 @@ pub trait BackgroundModel: Send {
     /// Takes the frame in, away from `person` (working size). A fixed model does nothing.
     fn learn(&mut self, frame: &RgbPlanes, person: &Mask);
 }
+
+#[cfg(test)]
+mod tests;

@@ -19,11 +19,7 @@ impl StaticModel {
     /// When the plate has another size than `geometry` says.
     pub fn from_plate(plate: &RgbView<'_>, geometry: Geometry) -> Self {
         let mean = RgbPlanes::from_view(plate, geometry);
-        Self {
-            geometry,
-            mean,
-            noise: vec![0.0; geometry.working_pixels()],
-        }
+        Self { geometry, mean, noise: vec![0.0; geometry.working_pixels()] }
     }
 
     /// The scene as frames without a person show it: their mean and standard deviation. `None` without frames.
@@ -58,20 +54,12 @@ impl StaticModel {
             }
         }
         let noise = variance.into_iter().map(f32::sqrt).collect();
-        Some(Self {
-            geometry,
-            mean: sums,
-            noise,
-        })
+        Some(Self { geometry, mean: sums, noise })
     }
 
     /// A background of known mean and noise, working size.
     pub(super) fn from_parts(geometry: Geometry, mean: RgbPlanes, noise: Vec<f32>) -> Self {
-        Self {
-            geometry,
-            mean,
-            noise,
-        }
+        Self { geometry, mean, noise }
     }
 }
 
@@ -81,10 +69,7 @@ impl BackgroundModel for StaticModel {
     }
 
     fn expected(&mut self, _frame: &RgbPlanes) -> Expected<'_> {
-        Expected {
-            mean: &self.mean,
-            noise: &self.noise,
-        }
+        Expected { mean: &self.mean, noise: &self.noise }
     }
 
     fn learn(&mut self, _frame: &RgbPlanes, _person: &Mask) {}

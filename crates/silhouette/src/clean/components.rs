@@ -48,16 +48,8 @@ impl Components {
             let root = find(&parents, index);
             if root == index {
                 number_of_root[root] = all.len() as u32;
-                let bounding_box = PixelRect {
-                    x0: run.x0,
-                    y0: run.y,
-                    x1: run.x1,
-                    y1: run.y + 1,
-                };
-                all.push(Component {
-                    area: 0,
-                    bounding_box,
-                });
+                let bounding_box = PixelRect { x0: run.x0, y0: run.y, x1: run.x1, y1: run.y + 1 };
+                all.push(Component { area: 0, bounding_box });
             }
             run.component = number_of_root[root];
             let component = &mut all[run.component as usize];
@@ -66,12 +58,7 @@ impl Components {
             component.bounding_box.x1 = component.bounding_box.x1.max(run.x1);
             component.bounding_box.y1 = run.y + 1;
         }
-        Self {
-            width: mask.width(),
-            height: mask.height(),
-            runs,
-            all,
-        }
+        Self { width: mask.width(), height: mask.height(), runs, all }
     }
 
     /// The components.
@@ -82,12 +69,7 @@ impl Components {
     /// The index of the largest component; the first of equals; `None` when there are none.
     pub fn largest(&self) -> Option<usize> {
         let index = |(index, component): (usize, &Component)| (component.area, std::cmp::Reverse(index));
-        self.all
-            .iter()
-            .enumerate()
-            .map(index)
-            .max()
-            .map(|(_, std::cmp::Reverse(index))| index)
+        self.all.iter().enumerate().map(index).max().map(|(_, std::cmp::Reverse(index))| index)
     }
 
     /// The components for which `keep` holds, as a mask.
@@ -105,11 +87,7 @@ impl Components {
     /// # Panics
     /// When `other` has another size than the mask that was taken apart.
     pub fn overlap_areas(&self, other: &Mask) -> Vec<u64> {
-        assert_eq!(
-            (other.width(), other.height()),
-            (self.width, self.height),
-            "masks of unequal size"
-        );
+        assert_eq!((other.width(), other.height()), (self.width, self.height), "masks of unequal size");
         let mut areas = vec![0; self.all.len()];
         for run in &self.runs {
             areas[run.component as usize] += other.count_run(run.y, run.x0, run.x1);
@@ -119,9 +97,7 @@ impl Components {
 
     /// Calls `visit` with component, row and columns `x0..x1` of every run.
     pub(crate) fn for_each_run(&self, mut visit: impl FnMut(usize, u32, u32, u32)) {
-        self.runs
-            .iter()
-            .for_each(|run| visit(run.component as usize, run.y, run.x0, run.x1));
+        self.runs.iter().for_each(|run| visit(run.component as usize, run.y, run.x0, run.x1));
     }
 }
 
@@ -136,12 +112,7 @@ fn joined_runs(mask: &Mask, connectivity: Connectivity) -> (Vec<Run>, Vec<usize>
         let mut candidate = above.start;
         for (x0, x1) in mask.runs(y) {
             let index = runs.len();
-            runs.push(Run {
-                y,
-                x0,
-                x1,
-                component: 0,
-            });
+            runs.push(Run { y, x0, x1, component: 0 });
             parents.push(index);
             // Skip the runs above that end before this one begins; join those that touch.
             while candidate < above.end && runs[candidate].x1 + reach <= x0 {

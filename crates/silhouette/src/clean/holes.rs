@@ -19,11 +19,7 @@ impl Mask {
         let is_inside = |rect: &PixelRect| {
             rect.x0 > 0 && rect.y0 > 0 && rect.x1 < self.width() && rect.y1 < self.height()
         };
-        let is_hole = background
-            .all()
-            .iter()
-            .map(|component| is_inside(&component.bounding_box))
-            .collect();
+        let is_hole = background.all().iter().map(|component| is_inside(&component.bounding_box)).collect();
         (background, is_hole)
     }
 }

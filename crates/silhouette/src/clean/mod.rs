@@ -8,3 +8,6 @@ mod person;
 pub use components::{Component, Components, Connectivity};
 pub use morphology::Window;
 pub use person::{PersonTracker, PersonTrackerConfig};
+
+#[cfg(test)]
+mod tests;

@@ -21,32 +21,17 @@ pub struct Window {
 impl Window {
     /// The square that reaches `radius` pixels to all sides.
     pub fn radius(radius: u32) -> Self {
-        Self {
-            left: radius,
-            right: radius,
-            up: radius,
-            down: radius,
-        }
+        Self { left: radius, right: radius, up: radius, down: radius }
     }
 
     fn reflected(self) -> Self {
-        Self {
-            left: self.right,
-            right: self.left,
-            up: self.down,
-            down: self.up,
-        }
+        Self { left: self.right, right: self.left, up: self.down, down: self.up }
     }
 
     /// A square of `side` pixels whose first pixel is the one it stands for.
     fn square(side: u32) -> Self {
         let reach = side.saturating_sub(1);
-        Self {
-            left: 0,
-            right: reach,
-            up: 0,
-            down: reach,
-        }
+        Self { left: 0, right: reach, up: 0, down: reach }
     }
 }
 
@@ -98,10 +83,7 @@ fn spread(row: &[u64], reach: u32, shifted: fn(&[u64], u32) -> Vec<u64>) -> Vec<
     while reached < reach {
         let step = (reached + 1).min(reach - reached);
         let moved = shifted(&union, step);
-        union
-            .iter_mut()
-            .zip(moved)
-            .for_each(|(word, other)| *word |= other);
+        union.iter_mut().zip(moved).for_each(|(word, other)| *word |= other);
         reached += step;
     }
     union
@@ -116,11 +98,7 @@ fn spread_rows(mask: &Mask, reach: u32, towards: impl Fn(u32, u32) -> Option<u32
         let before = union.clone();
         for y in 0..mask.height() {
             if let Some(other) = towards(y, step).filter(|&other| other < mask.height()) {
-                union
-                    .row_mut(y)
-                    .iter_mut()
-                    .zip(before.row(other))
-                    .for_each(|(word, bits)| *word |= bits);
+                union.row_mut(y).iter_mut().zip(before.row(other)).for_each(|(word, bits)| *word |= bits);
             }
         }
         reached += step;

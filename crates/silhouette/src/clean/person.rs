@@ -54,11 +54,7 @@ pub struct PersonTracker {
 impl PersonTracker {
     /// Nobody seen yet.
     pub fn new(config: PersonTrackerConfig) -> Self {
-        Self {
-            config,
-            previous: None,
-            n_missed: 0,
-        }
+        Self { config, previous: None, n_missed: 0 }
     }
 
     /// The person as last seen; `None` before the first and when too long ago.
@@ -95,9 +91,7 @@ impl PersonTracker {
             let best = (0..shared.len()).max_by_key(|&index| (shared[index], std::cmp::Reverse(index)))?;
             (shared[best] > 0).then_some(best)
         });
-        continues
-            .filter(is_large)
-            .or_else(|| components.largest().filter(is_large))
+        continues.filter(is_large).or_else(|| components.largest().filter(is_large))
     }
 
     /// The main component with the detached pieces that belong to it.
@@ -106,10 +100,7 @@ impl PersonTracker {
         let body = components.select(|index| index == main);
         let gap_px = (self.config.piece_gap * f64::from(all[main].bounding_box.height())).ceil() as u32;
         let near = components.overlap_areas(&body.dilated(Window::radius(gap_px)));
-        let before = self
-            .previous
-            .as_ref()
-            .map(|previous| components.overlap_areas(previous));
+        let before = self.previous.as_ref().map(|previous| components.overlap_areas(previous));
         components.select(|index| {
             let area = all[index].area as f64;
             let was_person = before

@@ -98,12 +98,7 @@ impl Mask {
     /// An empty mask of `width` by `height` pixels.
     pub fn new(width: u32, height: u32) -> Self {
         let words_per_row = (width as usize).div_ceil(WORD_BITS);
-        Self {
-            width,
-            height,
-            words_per_row,
-            words: vec![0; words_per_row * height as usize],
-        }
+        Self { width, height, words_per_row, words: vec![0; words_per_row * height as usize] }
     }
 
     /// A mask whose pixel `(x, y)` is `is_person(x, y)`.
@@ -126,9 +121,7 @@ impl Mask {
     /// When `pixels` does not hold `width * height` values.
     pub fn from_bools(width: u32, height: u32, pixels: &[bool]) -> Self {
         check_pixel_count(width, height, pixels.len());
-        Self::from_fn(width, height, |x, y| {
-            pixels[y as usize * width as usize + x as usize]
-        })
+        Self::from_fn(width, height, |x, y| pixels[y as usize * width as usize + x as usize])
     }
 
     /// A mask from an 8-bit grey image, row after row: person where a pixel is `threshold` or more.
@@ -137,9 +130,7 @@ impl Mask {
     /// When `pixels` does not hold `width * height` values.
     pub fn from_gray8(width: u32, height: u32, pixels: &[u8], threshold: u8) -> Self {
         check_pixel_count(width, height, pixels.len());
-        Self::from_fn(width, height, |x, y| {
-            pixels[y as usize * width as usize + x as usize] >= threshold
-        })
+        Self::from_fn(width, height, |x, y| pixels[y as usize * width as usize + x as usize] >= threshold)
     }
 
     /// The mask as an 8-bit grey image, row after row: 255 person, 0 background.
@@ -166,12 +157,7 @@ impl Mask {
             "{} words for a mask of {width} x {height}, expected {expected}",
             words.len()
         );
-        let mut mask = Self {
-            width,
-            height,
-            words_per_row,
-            words,
-        };
+        let mut mask = Self { width, height, words_per_row, words };
         mask.clear_padding();
         mask
     }
@@ -259,10 +245,7 @@ impl Mask {
         let y1 = (0..self.height).rev().find(occupied)? + 1;
         let mut columns = vec![0u64; self.words_per_row];
         for y in y0..y1 {
-            columns
-                .iter_mut()
-                .zip(self.row(y))
-                .for_each(|(all, word)| *all |= word);
+            columns.iter_mut().zip(self.row(y)).for_each(|(all, word)| *all |= word);
         }
         let first = columns.iter().position(|&word| word != 0)?;
         let last = columns.iter().rposition(|&word| word != 0)?;
@@ -334,10 +317,7 @@ impl Mask {
     /// When the sizes differ.
     pub fn subtract(&mut self, other: &Self) {
         self.check_same_size(other);
-        self.words
-            .iter_mut()
-            .zip(&other.words)
-            .for_each(|(a, b)| *a &= !b);
+        self.words.iter_mut().zip(&other.words).for_each(|(a, b)| *a &= !b);
     }
 
     /// Person and background exchanged.
@@ -391,10 +371,7 @@ impl Mask {
 
 fn check_pixel_count(width: u32, height: u32, count: usize) {
     let expected = width as usize * height as usize;
-    assert_eq!(
-        count, expected,
-        "{count} pixels for a mask of {width} x {height}, expected {expected}"
-    );
+    assert_eq!(count, expected, "{count} pixels for a mask of {width} x {height}, expected {expected}");
 }
 
 #[cfg(test)]

@@ -13,11 +13,7 @@ impl Mask {
             let source = self.row(y);
             let word_at = |index: usize| source.get(index).copied().unwrap_or(0);
             for (index, word) in cut.row_mut(y - rect.y0).iter_mut().enumerate() {
-                let high = if shift == 0 {
-                    0
-                } else {
-                    word_at(first + index + 1) << (WORD_BITS - shift)
-                };
+                let high = if shift == 0 { 0 } else { word_at(first + index + 1) << (WORD_BITS - shift) };
                 *word = word_at(first + index) >> shift | high;
             }
         }
@@ -34,9 +30,7 @@ impl Mask {
     /// Every pixel becomes a square of `factor` by `factor`.
     #[must_use]
     pub fn enlarged(&self, factor: u32) -> Self {
-        Self::from_fn(self.width * factor, self.height * factor, |x, y| {
-            self.get(x / factor, y / factor)
-        })
+        Self::from_fn(self.width * factor, self.height * factor, |x, y| self.get(x / factor, y / factor))
     }
 
     /// Every square of `factor` by `factor` pixels becomes one: person when at least half of it is.
@@ -75,41 +69,26 @@ impl Mask {
     #[must_use]
     pub fn resized(&self, width: u32, height: u32) -> Self {
         let coverage = self.coverage(width, height);
-        Self::from_fn(width, height, |x, y| {
-            coverage[(y as usize) * width as usize + x as usize] >= 0.5
-        })
+        Self::from_fn(width, height, |x, y| coverage[(y as usize) * width as usize + x as usize] >= 0.5)
     }
 
     /// Share of person in each pixel of the mask stretched to `width` by `height` pixels, row after row, in `[0, 1]`.
     pub fn coverage(&self, width: u32, height: u32) -> Vec<f32> {
-        let (stretch_x, stretch_y) = (
-            f64::from(width) / f64::from(self.width),
-            f64::from(height) / f64::from(self.height),
-        );
+        let (stretch_x, stretch_y) =
+            (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
         let mut shares = vec![0f32; width as usize * height as usize];
         let mut row_shares = vec![0f32; width as usize];
         for source_y in 0..self.height {
             row_shares.fill(0.0);
             for (x0, x1) in self.runs(source_y) {
-                add_span(
-                    &mut row_shares,
-                    f64::from(x0) * stretch_x,
-                    f64::from(x1) * stretch_x,
-                    1.0,
-                );
+                add_span(&mut row_shares, f64::from(x0) * stretch_x, f64::from(x1) * stretch_x, 1.0);
             }
-            let (top, bottom) = (
-                f64::from(source_y) * stretch_y,
-                f64::from(source_y + 1) * stretch_y,
-            );
+            let (top, bottom) = (f64::from(source_y) * stretch_y, f64::from(source_y + 1) * stretch_y);
             let last = (bottom.ceil() as usize).min(height as usize);
             for y in top.floor() as usize..last {
                 let part = (bottom.min(y as f64 + 1.0) - top.max(y as f64)) as f32;
                 let target = &mut shares[y * width as usize..(y + 1) * width as usize];
-                target
-                    .iter_mut()
-                    .zip(&row_shares)
-                    .for_each(|(share, row)| *share += part * row);
+                target.iter_mut().zip(&row_shares).for_each(|(share, row)| *share += part * row);
             }
         }
         shares
@@ -119,12 +98,7 @@ impl Mask {
 /// Adds `weight` times the length that `start..end` has in each unit cell.
 fn add_span(cells: &mut [f32], start: f64, end: f64, weight: f64) {
     let last = (end.ceil() as usize).min(cells.len());
-    for (x, cell) in cells
-        .iter_mut()
-        .enumerate()
-        .take(last)
-        .skip(start.floor() as usize)
-    {
+    for (x, cell) in cells.iter_mut().enumerate().take(last).skip(start.floor() as usize) {
         *cell += (weight * (end.min(x as f64 + 1.0) - start.max(x as f64))) as f32;
     }
 }

@@ -84,9 +84,7 @@ impl Mask {
     pub(crate) fn count_run(&self, y: u32, x0: u32, x1: u32) -> u64 {
         let row = self.row(y);
         let mut count = 0;
-        for_each_word_of_run(x0, x1, |index, bits| {
-            count += u64::from((row[index] & bits).count_ones())
-        });
+        for_each_word_of_run(x0, x1, |index, bits| count += u64::from((row[index] & bits).count_ones()));
         count
     }
 }

@@ -35,17 +35,9 @@ fn text_errors_name_row_and_column() {
 
 #[test]
 fn empty_masks_are_values() {
-    for mask in [
-        Mask::new(0, 0),
-        Mask::new(5, 0),
-        Mask::new(0, 5),
-        Mask::new(70, 3),
-    ] {
+    for mask in [Mask::new(0, 0), Mask::new(5, 0), Mask::new(0, 5), Mask::new(70, 3)] {
         assert!(mask.is_empty());
-        assert_eq!(
-            (mask.area(), mask.bounding_box(), mask.centroid_px()),
-            (0, None, None)
-        );
+        assert_eq!((mask.area(), mask.bounding_box(), mask.centroid_px()), (0, None, None));
         assert_eq!(mask.iou(&mask.clone()), 1.0);
     }
 }
@@ -60,25 +52,10 @@ fn sizes_must_agree() {
 fn known_square() {
     let mask = Mask::from_fn(200, 100, |x, y| (60..140).contains(&x) && (10..50).contains(&y));
     assert_eq!(mask.area(), 80 * 40);
-    assert_eq!(
-        mask.bounding_box(),
-        Some(PixelRect {
-            x0: 60,
-            y0: 10,
-            x1: 140,
-            y1: 50
-        })
-    );
+    assert_eq!(mask.bounding_box(), Some(PixelRect { x0: 60, y0: 10, x1: 140, y1: 50 }));
     assert_eq!(mask.centroid_px(), Some([100.0, 30.0]));
     let shifted = Mask::from_fn(200, 100, |x, y| (80..160).contains(&x) && (10..50).contains(&y));
-    assert_eq!(
-        mask.overlap(&shifted),
-        Overlap {
-            first: 3200,
-            second: 3200,
-            both: 2400
-        }
-    );
+    assert_eq!(mask.overlap(&shifted), Overlap { first: 3200, second: 3200, both: 2400 });
     assert_eq!(mask.iou(&shifted), 2400.0 / 4000.0);
 }
 
@@ -90,10 +67,7 @@ fn coverage_of_half_pixels() {
     assert_eq!(mask.coverage(2, 1), vec![0.5, 0.0]);
     let thirds = mask.coverage(3, 1);
     let expected = [0.5, 0.25, 0.0];
-    assert!(
-        thirds.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6),
-        "{thirds:?}"
-    );
+    assert!(thirds.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{thirds:?}");
 }
 
 proptest! {

@@ -36,11 +36,7 @@ impl FromStr for Mask {
 
     /// Reads one row a line; blank lines and blanks around a row are skipped.
     fn from_str(text: &str) -> Result<Self, ParseMaskError> {
-        let rows: Vec<&str> = text
-            .lines()
-            .map(str::trim)
-            .filter(|row| !row.is_empty())
-            .collect();
+        let rows: Vec<&str> = text.lines().map(str::trim).filter(|row| !row.is_empty()).collect();
         let width = rows.first().map_or(0, |row| row.chars().count());
         let mut pixels = Vec::with_capacity(width * rows.len());
         for (row, line) in rows.iter().enumerate() {
@@ -53,11 +49,7 @@ impl FromStr for Mask {
             }
             let found = line.chars().count();
             if found != width {
-                return Err(ParseMaskError::RowLength {
-                    row,
-                    found,
-                    expected: width,
-                });
+                return Err(ParseMaskError::RowLength { row, found, expected: width });
             }
         }
         Ok(Self::from_bools(width as u32, rows.len() as u32, &pixels))
@@ -68,9 +60,7 @@ impl fmt::Display for Mask {
     /// Writes one row a line, each ended by a line break.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for y in 0..self.height() {
-            let row: String = (0..self.width())
-                .map(|x| if self.get(x, y) { '#' } else { '.' })
-                .collect();
+            let row: String = (0..self.width()).map(|x| if self.get(x, y) { '#' } else { '.' }).collect();
             writeln!(f, "{row}")?;
         }
         Ok(())

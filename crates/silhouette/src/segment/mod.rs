@@ -1,6 +1,8 @@
 //! The whole road from a frame to a mask of the person.
 
+mod appearance;
 mod evidence;
+mod ghost;
 mod outline;
 mod segmenter;
 mod smooth;
@@ -14,3 +16,6 @@ pub use smooth::SmoothingConfig;
 
 /// Scores are cut at this many standard deviations on either side of the threshold: how sure one pixel can be.
 pub(crate) const SCORE_LIMIT: f32 = 4.0;
+
+#[cfg(test)]
+mod tests;

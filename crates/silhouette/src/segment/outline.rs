@@ -44,9 +44,7 @@ fn color_nearby(inside: &Mask, frame: &RgbPlanes, x: usize, y: usize) -> Option<
         for near_x in x.saturating_sub(reach)..(x + reach + 1).min(frame.width) {
             if inside.get(near_x as u32, near_y as u32) {
                 let at = near_y * frame.width + near_x;
-                sum.iter_mut()
-                    .zip(&frame.planes)
-                    .for_each(|(sum, plane)| *sum += plane[at]);
+                sum.iter_mut().zip(&frame.planes).for_each(|(sum, plane)| *sum += plane[at]);
                 count += 1.0;
             }
         }
@@ -76,9 +74,7 @@ pub(crate) fn enlarged_half(
 ) -> Mask {
     let working_height = coverage.len() / working_width;
     if reduction == 1 {
-        return Mask::from_fn(width, height, |x, y| {
-            coverage[y as usize * working_width + x as usize] >= 0.5
-        });
+        return Mask::from_fn(width, height, |x, y| coverage[y as usize * working_width + x as usize] >= 0.5);
     }
     let steps = |length: u32, cells: usize| -> Vec<(usize, usize, f32)> {
         (0..length)
@@ -94,10 +90,7 @@ pub(crate) fn enlarged_half(
     let mut row = vec![0.0f32; working_width];
     for (y, (above, below, part)) in steps(height, working_height).into_iter().enumerate() {
         let lines = [above, below].map(|at| &coverage[at * working_width..(at + 1) * working_width]);
-        row.iter_mut()
-            .zip(lines[0])
-            .zip(lines[1])
-            .for_each(|((out, a), b)| *out = a + part * (b - a));
+        row.iter_mut().zip(lines[0]).zip(lines[1]).for_each(|((out, a), b)| *out = a + part * (b - a));
         let Some(first) = row.iter().position(|&share| share > 0.0) else {
             continue;
         };

@@ -1,12 +1,18 @@
 //! The pipeline: light, evidence, smoothing, clean-up, person, outline.
 
+use super::SCORE_LIMIT;
+use super::appearance::Appearance;
 use super::evidence::{Evidence, EvidenceConfig};
+use super::ghost::without_ghosts;
 use super::outline;
 use super::smooth::{Smoother, SmoothingConfig};
 use crate::background::{BackgroundModel, IlluminationMatch, IlluminationReport};
 use crate::clean::{PersonTracker, PersonTrackerConfig, Window};
 use crate::image::{Geometry, RgbPlanes, RgbView};
 use crate::mask::Mask;
+
+/// Score down to which a pixel is not yet clearly background.
+const UNCLEAR: f32 = -0.5 * SCORE_LIMIT;
 
 /// Settings of [`Segmenter`]. Lengths are in working pixels.
 #[derive(Clone, Debug)]
@@ -17,6 +23,8 @@ pub struct SegmenterConfig {
     pub smoothing: SmoothingConfig,
     /// Pieces thinner than this go, pixels.
     pub open_px: u32,
+    /// Edges about a piece in the frame are at least this many times as strong as those of the background there.
+    pub outline_ratio: f32,
     /// Cracks thinner than this are closed, pixels.
     pub close_px: u32,
     /// Holes of up to this share of the person are filled unless the background shows clearly in them.
@@ -33,6 +41,7 @@ impl Default for SegmenterConfig {
             evidence: EvidenceConfig::default(),
             smoothing: SmoothingConfig::default(),
             open_px: 2,
+            outline_ratio: 1.2,
             close_px: 5,
             hole_share: 0.02,
             person: PersonTrackerConfig::default(),
@@ -73,11 +82,7 @@ impl SegmenterParams {
         ];
         for (field, value) in positive {
             if !(value > 0.0 && value.is_finite()) {
-                return Err(SegmenterParamsError {
-                    field,
-                    value,
-                    expected: "a number above 0",
-                });
+                return Err(SegmenterParamsError { field, value, expected: "a number above 0" });
             }
         }
         let shares = [
@@ -90,24 +95,19 @@ impl SegmenterParams {
         ];
         for (field, value) in shares {
             if !(0.0..=1.0).contains(&value) {
-                return Err(SegmenterParamsError {
-                    field,
-                    value,
-                    expected: "a share from 0 to 1",
-                });
+                return Err(SegmenterParamsError { field, value, expected: "a share from 0 to 1" });
             }
         }
         let not_negative = [
             ("evidence.edge_jitter_px", f64::from(evidence.edge_jitter_px)),
+            ("outline_ratio", f64::from(config.outline_ratio)),
+            ("evidence.appearance_bias", f64::from(evidence.appearance_bias)),
+            ("evidence.shadow_appearance", f64::from(evidence.shadow_appearance)),
             ("evidence.shadow_cost", f64::from(evidence.shadow_cost)),
         ];
         for (field, value) in not_negative {
             if !(value >= 0.0 && value.is_finite()) {
-                return Err(SegmenterParamsError {
-                    field,
-                    value,
-                    expected: "0 or more",
-                });
+                return Err(SegmenterParamsError { field, value, expected: "0 or more" });
             }
         }
         Ok(Self(config))
@@ -162,6 +162,7 @@ pub struct Segmenter {
     frame: RgbPlanes,
     illumination: IlluminationMatch,
     evidence: Evidence,
+    appearance: Appearance,
     smoother: Smoother,
     tracker: PersonTracker,
 }
@@ -175,6 +176,7 @@ impl Segmenter {
         Self {
             illumination: IlluminationMatch::new(&frame),
             evidence: Evidence::new(geometry.working_pixels()),
+            appearance: Appearance::new(),
             smoother: Smoother::new(frame.width, frame.height),
             tracker: PersonTracker::new(config.person.clone()),
             config,
@@ -198,18 +200,16 @@ impl Segmenter {
             });
         }
         self.frame.fill_from(frame, self.geometry);
-        let (changed, illumination) = self.changed_pixels();
-        let person = self.person_of(&changed);
-        self.model.learn(
-            &self.frame,
-            &person.dilated(Window::radius(self.config.keep_off_px)),
-        );
+        let illumination = self.measure();
+        // The first person seen is judged twice: the first look learns the colours.
+        let is_first = !self.appearance.is_learned();
+        let (mut changed, mut person) = self.look();
+        if is_first && self.appearance.is_learned() {
+            (changed, person) = self.look();
+        }
+        self.model.learn(&self.frame, &person.dilated(Window::radius(self.config.keep_off_px)));
         let coverage = outline::coverage(&person, &self.frame, self.illumination.matched());
-        let Geometry {
-            width,
-            height,
-            reduction,
-        } = self.geometry;
+        let Geometry { width, height, reduction } = self.geometry;
         let mask = outline::enlarged_half(&coverage, self.frame.width, reduction, width, height);
         let n_pixels = self.geometry.working_pixels() as f64;
         let diagnostics = Diagnostics {
@@ -220,37 +220,59 @@ impl Segmenter {
         Ok(Segmentation { mask, diagnostics })
     }
 
-    /// The pixels that are neither background nor its shadow.
-    fn changed_pixels(&mut self) -> (Mask, IlluminationReport) {
+    /// Brings the background under the frame's light and measures how far each pixel is from it.
+    fn measure(&mut self) -> IlluminationReport {
         let (width, height) = (self.frame.width as u32, self.frame.height as u32);
         let keep_off = Window::radius(self.config.keep_off_px);
-        let last_person = self
-            .tracker
-            .previous()
-            .map_or_else(|| Mask::new(width, height), |m| m.dilated(keep_off));
+        let last_person =
+            self.tracker.previous().map_or_else(|| Mask::new(width, height), |m| m.dilated(keep_off));
         let expected = self.model.expected(&self.frame);
         let report = self.illumination.fit(&self.frame, expected.mean, &last_person);
         let background = self.illumination.matched();
-        self.evidence.score(
+        self.evidence.measure(
             &self.frame,
             background,
             expected.noise,
             report.noise_sd,
             &self.config.evidence,
         );
-        let score = &mut self.evidence.score;
-        self.smoother
-            .smooth(score, &self.frame, background, &self.config.smoothing);
-        let changed = Mask::from_fn(width, height, |x, y| {
-            score[y as usize * width as usize + x as usize] > 0.0
-        });
-        (changed, report)
+        report
+    }
+
+    /// The pixels that are neither background nor its shadow, and the person among them; learns the person's colours
+    /// from the pixels that neither neighbours nor colours had to decide.
+    fn look(&mut self) -> (Mask, Mask) {
+        self.evidence.score(&self.frame, &self.appearance, &self.config.evidence);
+        let background = self.illumination.matched();
+        self.smoother.smooth(&mut self.evidence.score, &self.frame, background, &self.config.smoothing);
+        let changed = self.above(0.0);
+        let person = self.person_of(&changed);
+        let mut clear = self.evidence.clear_pixels(self.frame.width, &self.config.evidence);
+        // The rim is a blend of person and background: it would teach the colours of shadows.
+        clear.intersect_with(&person.eroded(Window::radius(1)));
+        self.appearance.learn(&self.frame, self.illumination.matched(), &clear);
+        (changed, person)
+    }
+
+    /// The pixels whose score is above `least`.
+    fn above(&self, least: f32) -> Mask {
+        let width = self.frame.width;
+        Mask::from_fn(width as u32, self.frame.height as u32, |x, y| {
+            self.evidence.score[y as usize * width + x as usize] > least
+        })
     }
 
     /// The person among the changed pixels, without cracks and holes.
     fn person_of(&mut self, changed: &Mask) -> Mask {
-        let person = self.tracker.follow(&changed.opened(self.config.open_px));
+        let changed = changed.opened(self.config.open_px);
+        let background = self.illumination.matched();
+        let last_person = self.tracker.previous();
+        let solid = without_ghosts(&changed, &self.frame, background, last_person, self.config.outline_ratio);
+        let person = self.tracker.follow(&solid);
+        // A gap between the legs shows the background clearly; a crack in the evidence does not.
         let mut whole = person.closed(self.config.close_px);
+        whole.intersect_with(&self.above(UNCLEAR));
+        whole.union_with(&person);
         let (holes, is_hole) = whole.holes();
         let mut sums = vec![0.0f64; holes.all().len()];
         holes.for_each_run(|hole, y, x0, x1| {
@@ -261,9 +283,7 @@ impl Segmenter {
         let largest = (self.config.hole_share * whole.area() as f64) as u64;
         whole.union_with(&holes.select(|hole| {
             let area = holes.all()[hole].area;
-            // A gap between arm and trunk shows the background clearly; a hole in the evidence does not.
-            let is_weak = sums[hole] / area as f64 > -f64::from(super::SCORE_LIMIT) / 2.0;
-            is_hole[hole] && area <= largest && is_weak
+            is_hole[hole] && area <= largest && sums[hole] / area as f64 > f64::from(UNCLEAR)
         }));
         whole
     }

@@ -18,11 +18,7 @@ pub struct SmoothingConfig {
 
 impl Default for SmoothingConfig {
     fn default() -> Self {
-        Self {
-            reach_px: 4.0,
-            contrast: 30.0,
-            passes: 2,
-        }
+        Self { reach_px: 4.0, contrast: 30.0, passes: 2 }
     }
 }
 
@@ -37,10 +33,7 @@ pub(crate) struct Smoother {
 impl Smoother {
     pub fn new(width: usize, height: usize) -> Self {
         let plane = vec![0; width * height];
-        Self {
-            width,
-            contrast: [plane.clone(), plane],
-        }
+        Self { width, contrast: [plane.clone(), plane] }
     }
 
     /// Smooths `score` in place, guided by the edges of `frame` that `background` has not.
@@ -57,10 +50,7 @@ impl Smoother {
         }
         for pass in 0..config.passes {
             let keep = carry_table(config, pass);
-            for (row, contrast) in score
-                .chunks_exact_mut(width)
-                .zip(self.contrast[0].chunks_exact(width))
-            {
+            for (row, contrast) in score.chunks_exact_mut(width).zip(self.contrast[0].chunks_exact(width)) {
                 smooth_row(row, contrast, &keep);
             }
             smooth_columns(score, &self.contrast[1], width, &keep);
@@ -109,7 +99,5 @@ fn smooth_columns(score: &mut [f32], contrast: &[u8], width: usize, keep: &[f32;
     };
     let rows = contrast.len() / width;
     (1..rows).for_each(|y| blend((y - 1) * width, y * width, y * width));
-    (1..rows)
-        .rev()
-        .for_each(|y| blend(y * width, (y - 1) * width, y * width));
+    (1..rows).rev().for_each(|y| blend(y * width, (y - 1) * width, y * width));
 }
