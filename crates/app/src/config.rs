@@ -27,6 +27,8 @@ pub struct TrackConfig {
     pub particles: u32,
     /// Annealing layers a frame.
     pub layers: u32,
+    /// Filters side by side, each with so many particles and layers.
+    pub modes: u32,
     /// Which motions are expected.
     pub motion: Motion,
     /// Principal components kept by [`Motion::Captured`].
@@ -71,6 +73,7 @@ impl Default for TrackConfig {
             seed: 1,
             particles: 200,
             layers: 10,
+            modes: 3,
             motion: Motion::Any,
             components: 12,
             stature_m: 1.78,
@@ -78,10 +81,10 @@ impl Default for TrackConfig {
             working_height_px: 360.0,
             sharpness: 150.0,
             annealing_ratio: 0.7,
-            prior_widening: 1.5,
-            least_sd: 0.1,
+            prior_widening: 1.3,
+            least_sd: 0.06,
             least_step: 0.006,
-            prior_weight: 0.4,
+            prior_weight: 0.8,
             diffusion: 3.0,
             diffusion_ratio: 0.8,
             exchange_share: 0.3,
@@ -118,6 +121,7 @@ impl TrackParams {
         let c = &config;
         check("particles", f64::from(c.particles), 2.0..=100_000.0, "2 to 100000")?;
         check("layers", f64::from(c.layers), 1.0..=100.0, "1 to 100")?;
+        check("modes", f64::from(c.modes), 1.0..=8.0, "1 to 8")?;
         check("components", f64::from(c.components), 1.0..=49.0, "1 to 49")?;
         check("stature_m", c.stature_m, 1.2..=2.3, "1.2 to 2.3 metres")?;
         if let Some(heading) = c.initial_heading_deg {

@@ -83,6 +83,9 @@ pub struct SettingsArgs {
     /// Annealing layers a frame.
     #[arg(long)]
     layers: Option<u32>,
+    /// Filters side by side, for readings that one frame cannot tell apart.
+    #[arg(long)]
+    modes: Option<u32>,
     /// Motions that are expected.
     #[arg(long, value_enum)]
     motion: Option<Motion>,
@@ -108,6 +111,7 @@ impl SettingsArgs {
         set(&mut config.seed, self.seed);
         set(&mut config.particles, self.particles);
         set(&mut config.layers, self.layers);
+        set(&mut config.modes, self.modes);
         set(&mut config.motion, self.motion);
         set(&mut config.stature_m, self.stature_m);
         config.initial_heading_deg = self.initial_heading_deg.or(config.initial_heading_deg);

@@ -38,11 +38,13 @@ impl Canvas {
             }
             for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
                 let columns = source_range(x as u32, width, picture.width);
-                let count = (columns.len() * rows.len()) as u32;
-                for (channel, value) in pixel.iter_mut().enumerate() {
-                    let sum: u32 = columns.clone().map(|column| sums[3 * column + channel]).sum();
-                    *value = ((sum + count / 2) / count) as u8;
+                let share = 1.0 / (columns.len() * rows.len()) as f32;
+                let sums = &sums[3 * columns.start..3 * columns.end];
+                let mut total = [0; 3];
+                for sum in sums.chunks_exact(3) {
+                    total = [total[0] + sum[0], total[1] + sum[1], total[2] + sum[2]];
                 }
+                pixel.copy_from_slice(&total.map(|total| (total as f32 * share + 0.5) as u8));
             }
         }
         canvas

@@ -19,4 +19,4 @@ pub const MASK_COLOR: [u8; 3] = [64, 220, 255];
 /// Colour of the body's outline.
 pub const BODY_OUTLINE_COLOR: [u8; 3] = [255, 255, 255];
 /// Colour of bones and joints.
-pub const BONE_COLOR: [u8; 3] = [40, 44, 60];
+pub const BONE_COLOR: [u8; 3] = [28, 32, 48];

@@ -1,5 +1,7 @@
 //! A small z-buffer that shades a mesh.
 
+use std::ops::Range;
+
 use silhouette::Mask;
 
 use super::canvas::Canvas;
@@ -19,14 +21,21 @@ pub struct SeenMesh<'a> {
 const SAMPLES: u32 = 2;
 /// Direction to the light, camera frame: over the viewer's left shoulder.
 const LIGHT: [f32; 3] = [-0.36, -0.48, -0.8];
-/// Brightness of a surface that faces away from the light.
-const SHADOW: f32 = 0.35;
+/// Brightness of a surface that faces away from the light, and what one that faces it has more.
+const SHADOW: f32 = 0.5;
+const GLOW: f32 = 0.6;
 
 /// A mesh drawn on its own: which samples it covers and how bright each is.
 pub(super) struct BodyLayer {
-    /// Covered samples.
+    /// Covered samples of the whole image.
     pub coverage: Mask,
+    /// The samples about the mesh: columns and rows.
+    columns: Range<u32>,
+    rows: Range<u32>,
+    /// Brightness of the samples about the mesh, [rows][columns].
     brightness: Vec<f32>,
+    /// Reciprocal depth of the same samples, 1/metres; 0 where nothing is.
+    nearness: Vec<f32>,
 }
 
 /// Samples per pixel along each axis of [`BodyLayer::coverage`].
@@ -35,49 +44,45 @@ pub(super) const COVERAGE_SCALE: f32 = 1.0 / SAMPLES as f32;
 impl BodyLayer {
     /// Draws `mesh` for an image of `width` by `height` pixels.
     pub fn draw(mesh: &SeenMesh<'_>, width: u32, height: u32) -> Self {
-        let (columns, rows) = (width * SAMPLES, height * SAMPLES);
-        let mut layer = Self {
-            coverage: Mask::new(columns, rows),
-            brightness: vec![0.0; columns as usize * rows as usize],
-        };
+        let coverage = Mask::new(width * SAMPLES, height * SAMPLES);
+        let along = |axis: usize| mesh.pixels.iter().map(move |pixel| pixel[axis] * SAMPLES as f32);
+        let columns = samples_between(along(0), coverage.width());
+        let rows = samples_between(along(1), coverage.height());
+        let n_samples = columns.len() * rows.len();
+        let (brightness, nearness) = (vec![0.0; n_samples], vec![0.0; n_samples]);
+        let mut layer = Self { coverage, columns, rows, brightness, nearness };
         let brightness = vertex_brightness(mesh);
-        let mut nearness = vec![0.0; layer.brightness.len()];
         for triangle in mesh.triangles {
-            let corners = triangle.map(|vertex| {
+            layer.fill(&triangle.map(|vertex| {
                 let vertex = vertex as usize;
                 let [x, y] = mesh.pixels[vertex].map(|value| value * SAMPLES as f32);
                 Corner { x, y, nearness: 1.0 / mesh.points_camera[vertex][2], brightness: brightness[vertex] }
-            });
-            layer.fill(&corners, &mut nearness);
+            }));
         }
         layer
     }
 
     /// Fills one triangle where it is nearer than what is there. Reciprocal depth is linear in the image.
-    fn fill(&mut self, [a, b, c]: &[Corner; 3], nearness: &mut [f32]) {
+    fn fill(&mut self, [a, b, c]: &[Corner; 3]) {
         let area = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
-        if area.is_nan() || area == 0.0 || [a, b, c].iter().any(|corner| corner.nearness.is_nan()) {
+        if area.is_nan() || area == 0.0 {
             return;
         }
-        let (columns, rows) = (self.coverage.width(), self.coverage.height());
-        let range = |values: [f32; 3], size: u32| {
-            let low = values.into_iter().fold(f32::INFINITY, f32::min).floor().clamp(0.0, size as f32);
-            let high = values.into_iter().fold(f32::NEG_INFINITY, f32::max).ceil().clamp(0.0, size as f32);
-            low as u32..high as u32
-        };
-        for y in range([a.y, b.y, c.y], rows) {
-            for x in range([a.x, b.x, c.x], columns) {
-                let (px, py) = (x as f32 + 0.5, y as f32 + 0.5);
-                let share_b = ((px - a.x) * (c.y - a.y) - (py - a.y) * (c.x - a.x)) / area;
-                let share_c = ((b.x - a.x) * (py - a.y) - (b.y - a.y) * (px - a.x)) / area;
+        let scale = 1.0 / area;
+        let columns = samples_between([a.x, b.x, c.x].into_iter(), self.coverage.width());
+        for y in samples_between([a.y, b.y, c.y].into_iter(), self.coverage.height()) {
+            for x in columns.clone() {
+                let (px, py) = (x as f32 + 0.5 - a.x, y as f32 + 0.5 - a.y);
+                let share_b = (px * (c.y - a.y) - py * (c.x - a.x)) * scale;
+                let share_c = ((b.x - a.x) * py - (b.y - a.y) * px) * scale;
                 let share_a = 1.0 - share_b - share_c;
                 if share_a < 0.0 || share_b < 0.0 || share_c < 0.0 {
                     continue;
                 }
                 let near = share_a * a.nearness + share_b * b.nearness + share_c * c.nearness;
-                let at = y as usize * columns as usize + x as usize;
-                if near > nearness[at] {
-                    nearness[at] = near;
+                let at = self.sample(x, y);
+                if near > self.nearness[at] {
+                    self.nearness[at] = near;
                     self.brightness[at] =
                         share_a * a.brightness + share_b * b.brightness + share_c * c.brightness;
                     self.coverage.set(x, y, true);
@@ -86,10 +91,14 @@ impl BodyLayer {
         }
     }
 
+    /// Where a sample about the mesh lies in the buffers.
+    fn sample(&self, x: u32, y: u32) -> usize {
+        (y - self.rows.start) as usize * self.columns.len() + (x - self.columns.start) as usize
+    }
+
     /// Lays the body over `canvas` in shades of `color`.
     pub fn blend_onto(&self, canvas: &mut Canvas, color: [u8; 3], opacity: f32) {
         let Some(covered) = self.coverage.bounding_box() else { return };
-        let columns = self.coverage.width();
         for y in covered.y0 / SAMPLES..covered.y1.div_ceil(SAMPLES) {
             for x in covered.x0 / SAMPLES..covered.x1.div_ceil(SAMPLES) {
                 let (mut count, mut sum) = (0, 0.0);
@@ -97,7 +106,7 @@ impl BodyLayer {
                     let (sx, sy) = (x * SAMPLES + sample % SAMPLES, y * SAMPLES + sample / SAMPLES);
                     if self.coverage.get(sx, sy) {
                         count += 1;
-                        sum += self.brightness[sy as usize * columns as usize + sx as usize];
+                        sum += self.brightness[self.sample(sx, sy)];
                     }
                 }
                 if count > 0 {
@@ -119,6 +128,14 @@ struct Corner {
     brightness: f32,
 }
 
+/// The samples, of `size`, that some coordinates span; NaN among them counts for nothing.
+fn samples_between(coordinates: impl Iterator<Item = f32>, size: u32) -> Range<u32> {
+    let (low, high) = coordinates
+        .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+    let end = high.ceil().clamp(0.0, size as f32) as u32;
+    (low.floor().clamp(0.0, size as f32) as u32).min(end)..end
+}
+
 /// Brightness of each vertex from its normal, the area-weighted mean over its triangles.
 fn vertex_brightness(mesh: &SeenMesh<'_>) -> Vec<f32> {
     let mut normals = vec![[0.0_f32; 3]; mesh.points_camera.len()];
@@ -133,7 +150,7 @@ fn vertex_brightness(mesh: &SeenMesh<'_>) -> Vec<f32> {
     }
     let brightness = |normal: &[f32; 3]| {
         let length = dot(*normal, *normal).sqrt().max(f32::MIN_POSITIVE);
-        SHADOW + (1.0 - SHADOW) * (dot(*normal, LIGHT) / length).max(0.0)
+        SHADOW + GLOW * (dot(*normal, LIGHT) / length).max(0.0)
     };
     normals.iter().map(brightness).collect()
 }
@@ -169,8 +186,8 @@ mod tests {
         let mesh = SeenMesh { pixels: &pixels, points_camera: &points_camera, triangles: &triangles };
         let layer = BodyLayer::draw(&mesh, 20, 20);
         assert_eq!(layer.coverage.area(), 40 * 40, "20 x 20 pixels at 2 x 2 samples");
-        let brightness = |x: usize, y: usize| layer.brightness[y * 40 + x];
-        assert!(brightness(20, 20) > 0.8, "lit, {}", brightness(20, 20));
+        let brightness = |x: u32, y: u32| layer.brightness[layer.sample(x, y)];
+        assert!(brightness(20, 20) > SHADOW + 0.7 * GLOW, "lit, {}", brightness(20, 20));
         assert!((brightness(2, 2) - SHADOW).abs() < 1e-6, "turned away");
     }
 

@@ -98,8 +98,8 @@ pub(super) fn bones() -> impl Iterator<Item = (JointId, JointId)> {
 /// The colour that tells the status of a frame in every picture.
 pub(super) fn body_color(status: Status) -> [u8; 3] {
     match status {
-        Status::Tracked => [255, 150, 70],
-        Status::Coasting => [150, 165, 190],
-        Status::Lost => [230, 70, 90],
+        Status::Tracked => [255, 158, 84],
+        Status::Coasting => [160, 176, 204],
+        Status::Lost => [236, 84, 104],
     }
 }

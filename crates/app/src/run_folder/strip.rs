@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Context as _;
 use image::ImageEncoder as _;
-use image::codecs::png::PngEncoder;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 
 use super::record::Entry;
 use super::scene::Scene;
@@ -16,7 +16,7 @@ use crate::input::read_image;
 /// Frames in a strip.
 const FRAMES: usize = 8;
 /// Height of a frame, pixels.
-const HEIGHT: u32 = 480;
+const HEIGHT: u32 = 440;
 /// Room left around the person, as a share of the person's height.
 const MARGIN: f32 = 0.08;
 
@@ -44,7 +44,7 @@ pub(super) fn paint(
     let title = format!("{} of {} frames tracked{overlap}", summary.tracked, summary.frames);
     let strip = Filmstrip { title, crop: crop(scene.size(), &shown), frame_height: HEIGHT }.paint(&frames);
     let mut png = Vec::new();
-    PngEncoder::new(&mut png)
+    PngEncoder::new_with_quality(&mut png, CompressionType::Best, FilterType::Adaptive)
         .write_image(&strip.pixels, strip.width, strip.height, image::ExtendedColorType::Rgb8)
         .context("filmstrip.png: cannot encode the picture")?;
     Ok(Some(png))

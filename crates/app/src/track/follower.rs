@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 use silhouette::Mask;
 
 use super::pose_model::PoseModel;
-use super::tracker::{Scene, Tracker, TrackerState};
+use super::modes::{Modes, ModesState};
+use super::tracker::Scene;
 use crate::config::TrackParams;
 use crate::run_folder::{FrameRecord, Status};
 
@@ -24,10 +25,10 @@ pub struct Follower {
     following: Option<Following>,
 }
 
-/// A tracker and the resolution it works at.
+/// Trackers and the resolution they work at.
 struct Following {
     scale: f64,
-    tracker: Tracker,
+    modes: Modes,
     is_lost: bool,
 }
 
@@ -35,7 +36,7 @@ struct Following {
 #[derive(Serialize, Deserialize)]
 struct FollowerState {
     scale: f64,
-    tracker: TrackerState,
+    modes: ModesState,
     is_lost: bool,
 }
 
@@ -59,9 +60,9 @@ impl Follower {
         }
         let Some(following) = &mut self.following else { return Ok(None) };
         let record = if shows_somebody {
-            following.tracker.step(&reduced(masks[0], following.tracker.camera()))?
+            following.modes.step(&reduced(masks[0], following.modes.camera()))?
         } else {
-            following.tracker.coast()?
+            following.modes.coast()?
         };
         following.is_lost = record.status == Status::Lost;
         Ok(Some(record))
@@ -76,8 +77,8 @@ impl Follower {
             .take_while(|mask| mask.area() >= LEAST_AREA_PX)
             .map(|mask| reduced(mask, &scene.camera))
             .collect();
-        let tracker = Tracker::start(scene, frame, &reduced, heading_deg.map(f64::to_radians))?;
-        Ok(Following { scale, tracker, is_lost: false })
+        let modes = Modes::start(&scene, frame, &reduced, heading_deg.map(f64::to_radians))?;
+        Ok(Following { scale, modes, is_lost: false })
     }
 
     fn scene(&self, scale: f64) -> Scene {
@@ -94,8 +95,8 @@ impl Follower {
     /// # Errors
     /// When the state has no form in bytes.
     pub fn checkpoint(&self) -> anyhow::Result<Option<Vec<u8>>> {
-        let Some(Following { scale, tracker, is_lost }) = &self.following else { return Ok(None) };
-        let state = FollowerState { scale: *scale, tracker: tracker.checkpoint(), is_lost: *is_lost };
+        let Some(Following { scale, modes, is_lost }) = &self.following else { return Ok(None) };
+        let state = FollowerState { scale: *scale, modes: modes.checkpoint(), is_lost: *is_lost };
         postcard::to_stdvec(&state).map(Some).context("the state of the tracker as bytes")
     }
 
@@ -104,10 +105,10 @@ impl Follower {
     /// # Errors
     /// When the bytes are not a checkpoint.
     pub fn restore(&mut self, checkpoint: &[u8]) -> anyhow::Result<()> {
-        let FollowerState { scale, tracker, is_lost } =
+        let FollowerState { scale, modes, is_lost } =
             postcard::from_bytes(checkpoint).context("checkpoint: cannot decode the state of the tracker")?;
-        let tracker = Tracker::resume(self.scene(scale), tracker)?;
-        self.following = Some(Following { scale, tracker, is_lost });
+        let modes = Modes::resume(&self.scene(scale), modes)?;
+        self.following = Some(Following { scale, modes, is_lost });
         Ok(())
     }
 }

@@ -3,13 +3,15 @@
 //! # Map
 //! [`clip`] masks of a clip · [`camera_choice`] its camera · [`state`] what is estimated · [`pose_model`] what poses are likely ·
 //! [`overlap`], [`likelihood`] how well a state explains a mask · [`moves`], [`limb`] how particles move · [`start`] where they
-//! begin · [`tracker`] frame after frame · [`follower`] losses and new starts · [`pipeline`] from the input to the run folder
+//! begin · [`tracker`] frame after frame · [`modes`] several readings side by side ·
+//! [`follower`] losses and new starts · [`pipeline`] from the input to the run folder
 
 pub mod camera_choice;
 pub mod clip;
 pub mod follower;
 pub mod likelihood;
 pub mod limb;
+pub mod modes;
 pub mod moves;
 pub mod overlap;
 pub mod pipeline;

@@ -4,10 +4,12 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use body::{Body, Camera, Intrinsics, N_JOINTS};
+use body::{Body, Camera, Intrinsics, N_JOINTS, Pose};
+use glam::DVec3;
 use pf_core::estimate::weighted_mean;
 use pf_core::schedule::{DiffusionConfig, Geometric, GeometricConfig};
 use pf_core::{Filter, FilterConfig, FilterParams, FilterState, Gaussian, RandomWalk, StateSpace as _, Step};
+use render_gpu::ScoreError;
 use silhouette::Mask;
 
 use super::likelihood::{Observation, SilhouetteLikelihood};
@@ -31,8 +33,12 @@ const START_LATENT_STEPS: f64 = 8.0;
 const START_ROUNDS: usize = 4;
 /// Headings that a start tries when none is given.
 const START_HEADINGS: usize = 8;
-/// The best of them that are followed over the next masks.
-const START_RIVALS: usize = 3;
+/// Headings that a start tries about one that is given: people know it to the nearest eighth of a turn.
+const GIVEN_HEADING_OFFSETS_RAD: [f64; 3] = [-0.4, 0.0, 0.4];
+/// Starts beyond the number of modes that are followed over the next masks before the modes are chosen.
+const START_RIVALS: usize = 2;
+/// Trackers of one seed differ in the bits from here on.
+const STREAM_SHIFT: u32 = 48;
 /// Overlap under which the body is taken not to be on the person.
 const LOST_IOU: f64 = 0.4;
 /// Frames under that overlap in a row that make a loss.
@@ -56,15 +62,20 @@ pub struct Scene {
 /// Follows one person. Masks have the size of the scene's camera.
 pub struct Tracker {
     scene: Scene,
+    /// Which of the trackers of a seed it is.
+    stream: u64,
     likelihood: SilhouetteLikelihood,
     filter: BodyFilter,
     unseen: u32,
     badly_explained: u32,
+    /// Largest ln p(mask|state) of the last frame.
+    fit: f64,
 }
 
 /// What a tracker remembers between frames.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct TrackerState {
+    stream: u64,
     frame: u64,
     /// [`BodyState::to_numbers`] of each particle.
     particles: Vec<Vec<f64>>,
@@ -76,46 +87,57 @@ pub struct TrackerState {
 }
 
 impl Tracker {
-    /// Finds the person on the first of `masks`; the others, the frames that follow, help to choose among headings.
-    /// The first call of [`step`](Self::step) is about the first mask again.
+    /// Finds the person on the first of `masks` and gives the settings' number of trackers, each with how well it explains
+    /// the masks, best first. The other masks, those of the frames that follow, help to choose. The first call of
+    /// [`step`](Self::step) is about the first mask again.
     ///
     /// # Errors
     /// When the masks do not fit the camera.
     ///
     /// # Panics
     /// Without a mask, or when the first one is empty.
-    pub fn start(scene: Scene, frame: u64, masks: &[Mask], heading_rad: Option<f64>) -> anyhow::Result<Self> {
+    pub fn start(
+        scene: &Scene,
+        frame: u64,
+        masks: &[Mask],
+        heading_rad: Option<f64>,
+    ) -> anyhow::Result<Vec<(Self, f64)>> {
         let headings: Vec<f64> = match heading_rad {
-            Some(heading_rad) => vec![heading_rad],
+            Some(heading_rad) => GIVEN_HEADING_OFFSETS_RAD.iter().map(|offset| heading_rad + offset).collect(),
             None => (0..START_HEADINGS).map(|k| k as f64 * TAU / START_HEADINGS as f64).collect(),
         };
+        let n_modes = scene.params.modes as usize;
         let mut rivals = Vec::new();
-        for heading in headings {
-            rivals.push(Self::start_towards(scene.clone(), frame, &masks[0], heading)?);
+        for (stream, heading) in (0..).zip(headings) {
+            rivals.push(Self::start_towards(scene.clone(), stream, frame, &masks[0], heading)?);
         }
         rivals.sort_by(|(_, a), (_, b)| b.total_cmp(a));
-        rivals.truncate(START_RIVALS);
-        if rivals.len() == 1 || masks.len() == 1 {
-            return Ok(rivals.swap_remove(0).0);
-        }
-        let mut best: Option<(TrackerState, f64)> = None;
-        for (mut rival, _) in rivals {
-            let beginning = rival.checkpoint();
-            let mut evidence = 0.0;
-            for mask in masks {
-                evidence += rival.step(mask)?.log_evidence;
+        rivals.truncate(n_modes + START_RIVALS);
+        if rivals.len() > n_modes {
+            for (rival, fit) in &mut rivals {
+                let beginning = rival.checkpoint();
+                *fit = 0.0;
+                for mask in masks {
+                    rival.step(mask)?;
+                    *fit += rival.fit / masks.len() as f64;
+                }
+                *rival = Self::resume(scene.clone(), beginning)?;
             }
-            if best.as_ref().is_none_or(|(_, most)| evidence > *most) {
-                best = Some((beginning, evidence));
-            }
+            rivals.sort_by(|(_, a), (_, b)| b.total_cmp(a));
+            rivals.truncate(n_modes);
         }
-        let (state, _) = best.expect("there is at least one heading");
-        Self::resume(scene, state)
+        Ok(rivals)
     }
 
-    /// A tracker on `mask` whose body looks towards `heading_rad`, and its log evidence there.
-    fn start_towards(scene: Scene, frame: u64, mask: &Mask, heading_rad: f64) -> anyhow::Result<(Self, f64)> {
-        let mut tracker = Self::new(scene)?;
+    /// A tracker on `mask` whose body looks towards `heading_rad`, and how well its best particle explains the mask.
+    fn start_towards(
+        scene: Scene,
+        stream: u64,
+        frame: u64,
+        mask: &Mask,
+        heading_rad: f64,
+    ) -> anyhow::Result<(Self, f64)> {
+        let mut tracker = Self::new(scene, stream)?;
         tracker.likelihood.overlap.set_mask(mask)?;
         let angles = tracker.scene.model.mean_angles();
         let placement = place_upright(&mut tracker.likelihood.overlap, mask, angles, heading_rad)?;
@@ -135,18 +157,18 @@ impl Tracker {
             space.retract(&mut state, delta);
             state
         });
-        let mut evidence = 0.0;
         for _ in 0..START_ROUNDS {
-            evidence = tracker.step(mask)?.log_evidence;
+            tracker.step(mask)?;
         }
         tracker.filter.restore(FilterState { frame, ..tracker.filter.checkpoint() })?;
-        Ok((tracker, evidence))
+        let fit = tracker.fit;
+        Ok((tracker, fit))
     }
 }
 
 impl Tracker {
-    /// A tracker without particles.
-    fn new(scene: Scene) -> anyhow::Result<Self> {
+    /// A tracker without particles; its random numbers are those of `stream`.
+    fn new(scene: Scene, stream: u64) -> anyhow::Result<Self> {
         let params = &scene.params;
         let space = BodySpace::new(scene.model.clone());
         let step_sd: Vec<f64> =
@@ -170,14 +192,14 @@ impl Tracker {
         };
         let filter_params = FilterParams::new(FilterConfig {
             n_particles: params.particles as usize,
-            seed: params.seed,
+            seed: params.seed ^ (stream << STREAM_SHIFT),
             ..FilterConfig::default()
         })?;
         let overlap = BodyOverlap::new(scene.body.clone(), scene.camera.clone());
         let likelihood =
             SilhouetteLikelihood::new(space.clone(), overlap, params.sharpness, params.prior_weight);
         let filter = Filter::annealed(space, RandomWalk::new(noise), schedule, moves, filter_params);
-        Ok(Self { scene, likelihood, filter, unseen: 0, badly_explained: 0 })
+        Ok(Self { scene, stream, likelihood, filter, unseen: 0, badly_explained: 0, fit: f64::NEG_INFINITY })
     }
 
     /// A tracker that goes on where another of the same scene gave out `state`; what follows is equal bit for bit.
@@ -185,7 +207,7 @@ impl Tracker {
     /// # Errors
     /// When the state is not that of a filter.
     pub fn resume(scene: Scene, state: TrackerState) -> anyhow::Result<Self> {
-        let mut tracker = Self::new(scene)?;
+        let mut tracker = Self::new(scene, state.stream)?;
         let particles: Option<Vec<_>> =
             state.particles.iter().map(|numbers| BodyState::from_numbers(numbers)).collect();
         tracker.filter.restore(FilterState {
@@ -205,10 +227,29 @@ impl Tracker {
         &self.scene.camera
     }
 
+    /// Largest ln p(mask|state) among the particles of the last frame.
+    pub fn fit(&self) -> f64 {
+        self.fit
+    }
+
+    /// The joints of `pose`, metres, world.
+    pub fn joints_world(&self, pose: &Pose) -> [DVec3; N_JOINTS] {
+        self.scene.body.joints_world(pose)
+    }
+
+    /// Intersection over union of the body in `pose` and the mask of the last step.
+    ///
+    /// # Errors
+    /// When no step was made, or the pose is not finite.
+    pub fn iou(&mut self, pose: &Pose) -> Result<f64, ScoreError> {
+        Ok(self.likelihood.overlap.counts(std::slice::from_ref(pose))?[0].iou())
+    }
+
     /// All that the tracker remembers.
     pub fn checkpoint(&self) -> TrackerState {
         let filter = self.filter.checkpoint();
         TrackerState {
+            stream: self.stream,
             frame: filter.frame,
             particles: filter.particles.iter().map(|state| state.to_numbers().to_vec()).collect(),
             weights: filter.weights,
@@ -228,12 +269,15 @@ impl Tracker {
         self.unseen = 0;
         self.likelihood.overlap.set_mask(mask)?;
         let figures = match self.filter.step(&observation, &mut self.likelihood, &mut ())? {
-            Step::Tracked(view) => view.layers.last().map(|last| (last.unique_ancestors as u64, view.log_evidence)),
+            Step::Tracked(view) => view.layers.last().map(|last| {
+                (last.unique_ancestors as u64, view.log_evidence, last.max_log_likelihood)
+            }),
             Step::Lost(_) => None,
         };
         let mut estimate = self.estimate(Status::Tracked);
-        estimate.iou = self.likelihood.overlap.counts(std::slice::from_ref(&estimate.pose))?[0].iou();
-        (estimate.unique_ancestors, estimate.log_evidence) = figures.unwrap_or((0, f64::NEG_INFINITY));
+        estimate.iou = self.iou(&estimate.pose)?;
+        (estimate.unique_ancestors, estimate.log_evidence, self.fit) =
+            figures.unwrap_or((0, f64::NEG_INFINITY, f64::NEG_INFINITY));
         let is_explained = figures.is_some() && estimate.iou >= LOST_IOU;
         self.badly_explained = if is_explained { 0 } else { self.badly_explained + 1 };
         if self.badly_explained >= LOST_FRAMES || figures.is_none() {

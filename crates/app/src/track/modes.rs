@@ -1,0 +1,151 @@
+//! Several trackers side by side: readings of the same silhouettes that one frame cannot tell apart.
+//!
+//! A filter of a few hundred particles settles on one reading of a limb's depth within frames. A few filters settle on
+//! several; what they agree on is sure, the mean of what they do not agree on is nearer to the truth than any of them, and
+//! a reading that explains the masks badly loses its say.
+
+use body::{N_JOINTS, Pose};
+use glam::DVec3;
+use pf_core::NormalizedWeights;
+use pf_core::estimate::weighted_mean;
+use silhouette::Mask;
+
+use super::state::{BodySpace, BodyState};
+use super::tracker::{Scene, Tracker, TrackerState};
+use crate::run_folder::FrameRecord;
+
+/// Share of a mode's fit that is carried on from the frames before: it looks back over some ten frames.
+const FIT_MEMORY: f64 = 0.9;
+/// Difference in fit (log-likelihood) at which a mode's weight falls by the factor e. The overlap of a right pose varies
+/// by some 2 %, three units at the default sharpness.
+const FIT_SCALE: f64 = 3.0;
+/// Modes whose pelvis is turned further than this from the best one's are no reading of the same pose; their mean is none.
+const SAME_READING_RAD: f64 = 1.0;
+
+/// Trackers of one person, best first or not.
+pub struct Modes {
+    space: BodySpace,
+    modes: Vec<Mode>,
+}
+
+struct Mode {
+    tracker: Tracker,
+    /// Mean fit of the last frames.
+    fit: f64,
+}
+
+/// What the modes remember between frames.
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
+pub struct ModesState {
+    trackers: Vec<TrackerState>,
+    fits: Vec<f64>,
+}
+
+impl Modes {
+    /// Finds the person on the first of `masks`, see [`Tracker::start`].
+    ///
+    /// # Errors
+    /// When the masks do not fit the camera.
+    ///
+    /// # Panics
+    /// Without a mask, or when the first one is empty.
+    pub fn start(scene: &Scene, frame: u64, masks: &[Mask], heading_rad: Option<f64>) -> anyhow::Result<Self> {
+        let trackers = Tracker::start(scene, frame, masks, heading_rad)?;
+        let modes = trackers.into_iter().map(|(tracker, fit)| Mode { tracker, fit }).collect();
+        Ok(Self { space: BodySpace::new(scene.model.clone()), modes })
+    }
+
+    /// Goes on where others of the same scene gave out `state`.
+    ///
+    /// # Errors
+    /// When the state is not that of modes.
+    pub fn resume(scene: &Scene, state: ModesState) -> anyhow::Result<Self> {
+        anyhow::ensure!(
+            !state.trackers.is_empty() && state.trackers.len() == state.fits.len(),
+            "checkpoint: {} trackers and {} fits, expected as many, and one at least",
+            state.trackers.len(),
+            state.fits.len()
+        );
+        let modes = state.trackers.into_iter().zip(state.fits).map(|(tracker, fit)| {
+            Ok(Mode { tracker: Tracker::resume(scene.clone(), tracker)?, fit })
+        });
+        let modes = modes.collect::<anyhow::Result<_>>()?;
+        Ok(Self { space: BodySpace::new(scene.model.clone()), modes })
+    }
+
+    /// All that the modes remember.
+    pub fn checkpoint(&self) -> ModesState {
+        ModesState {
+            trackers: self.modes.iter().map(|mode| mode.tracker.checkpoint()).collect(),
+            fits: self.modes.iter().map(|mode| mode.fit).collect(),
+        }
+    }
+
+    /// Works on the next frame.
+    ///
+    /// # Errors
+    /// When the mask does not fit the camera.
+    pub fn step(&mut self, mask: &Mask) -> anyhow::Result<FrameRecord> {
+        let mut records = Vec::with_capacity(self.modes.len());
+        for Mode { tracker, fit } in &mut self.modes {
+            records.push(tracker.step(mask)?);
+            *fit = FIT_MEMORY * *fit + (1.0 - FIT_MEMORY) * tracker.fit();
+        }
+        self.combine(records)
+    }
+
+    /// A frame that shows nobody.
+    ///
+    /// # Errors
+    /// Never for trackers that have started.
+    pub fn coast(&mut self) -> anyhow::Result<FrameRecord> {
+        let records = self.modes.iter_mut().map(|mode| mode.tracker.coast()).collect::<anyhow::Result<_>>()?;
+        self.combine(records)
+    }
+
+    /// The camera, at working resolution.
+    pub fn camera(&self) -> &body::Camera {
+        self.modes[0].tracker.camera()
+    }
+
+    /// One record of the modes' records: the best mode's, its pose replaced by the weighted mean of the poses.
+    fn combine(&mut self, records: Vec<FrameRecord>) -> anyhow::Result<FrameRecord> {
+        let best = (0..records.len()).fold(0, |best, k| if self.modes[k].fit > self.modes[best].fit { k } else { best });
+        let weights = self.weights(&records, best)?;
+        let mut record = records[best].clone();
+        if weights.as_slice()[best] == 1.0 {
+            return Ok(record);
+        }
+        let states: Vec<BodyState> = records.iter().map(|record| self.space.state_from_pose(&record.pose)).collect();
+        let tracker = &mut self.modes[best].tracker;
+        record.pose = self.space.pose(&weighted_mean(&self.space, &states, &weights));
+        record.joints_world = tracker.joints_world(&record.pose);
+        record.joint_sd_m = joint_sd_m(&records, &weights, &record.joints_world);
+        if record.iou > 0.0 {
+            record.iou = tracker.iou(&record.pose)?;
+        }
+        Ok(record)
+    }
+
+    /// Weights of the modes: by their fit, none for another reading than the best one's.
+    fn weights(&self, records: &[FrameRecord], best: usize) -> anyhow::Result<NormalizedWeights> {
+        let turn_rad = |pose: &Pose| pose.root_orientation.angle_between(records[best].pose.root_orientation);
+        let weights = self.modes.iter().zip(records).map(|(mode, record)| {
+            if turn_rad(&record.pose) > SAME_READING_RAD {
+                return 0.0;
+            }
+            ((mode.fit - self.modes[best].fit) / FIT_SCALE).exp()
+        });
+        Ok(NormalizedWeights::from_linear(weights.collect())?)
+    }
+}
+
+/// Standard deviation of each joint: within the modes, and between them.
+fn joint_sd_m(records: &[FrameRecord], weights: &NormalizedWeights, mean: &[DVec3; N_JOINTS]) -> [f64; N_JOINTS] {
+    std::array::from_fn(|joint| {
+        let variance = |record: &FrameRecord| {
+            record.joint_sd_m[joint].powi(2) + record.joints_world[joint].distance_squared(mean[joint])
+        };
+        records.iter().zip(weights.as_slice()).map(|(record, weight)| weight * variance(record)).sum::<f64>().sqrt()
+    })
+}
