@@ -185,3 +185,26 @@ fn the_builtin_prior_knows_people() {
     let share = variance(&prior.component_sd_rad()[..20]) / variance(prior.component_sd_rad());
     assert!((0.9..1.0).contains(&share), "{share}");
 }
+
+#[test]
+fn a_walker_it_was_not_learned_from_is_plausible_and_one_with_crossed_angles_is_not() {
+    let Some(data) = crate::test_data::folder() else { return };
+    let folder = data.join("cmu/asfamc/06");
+    let clip = crate::io::mocap::load_asf_amc(&folder.join("06.asf"), &folder.join("06_01.amc"))
+        .expect("a good clip");
+    let rest = *crate::BodyModel::builtin().mean().rest_joints();
+    let (motion, _) = crate::retarget::retarget(&clip, &rest, &crate::retarget::RetargetConfig::default())
+        .expect("a known skeleton");
+    let prior = PosePrior::builtin();
+    let mean = |change: &dyn Fn(&mut Vec<f64>)| {
+        let distances = motion.poses.iter().map(|pose| {
+            let mut angles = pose.angles.clone();
+            change(&mut angles);
+            prior.mahalanobis_squared(&angles)
+        });
+        distances.sum::<f64>() / motion.poses.len() as f64
+    };
+    // Draws from the prior itself have a mean of 49; this walker has 30.5.
+    assert!((15.0..98.0).contains(&mean(&|_| ())), "{}", mean(&|_| ()));
+    assert!(mean(&|angles| angles.reverse()) > 490.0);
+}
