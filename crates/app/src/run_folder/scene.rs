@@ -11,7 +11,7 @@ use crate::input::RgbFrame;
 use silhouette::Mask;
 
 /// Longest side of an overlay, pixels.
-const OVERLAY_SIDE: u32 = 960;
+const OVERLAY_SIDE: u32 = 800;
 
 /// A body before a camera at the size of the overlays.
 pub(super) struct Scene {
