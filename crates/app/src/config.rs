@@ -84,7 +84,7 @@ impl Default for TrackConfig {
             prior_widening: 1.3,
             least_sd: 0.06,
             least_step: 0.006,
-            prior_weight: 0.8,
+            prior_weight: 1.0,
             diffusion: 3.0,
             diffusion_ratio: 0.8,
             exchange_share: 0.3,

@@ -15,13 +15,13 @@ use crate::track::{CameraChoice, ClipInput, TrackJob, track_clip};
 #[derive(Debug, Args)]
 pub struct DemoArgs {
     /// The run folder to write; replaced when it is there.
-    #[arg(long, default_value = "runs/demo")]
+    #[arg(long, value_name = "FOLDER", default_value = "runs/demo")]
     out: PathBuf,
     /// Folder of the bundled clip, where it does not lie in the repository.
-    #[arg(long)]
+    #[arg(long, value_name = "FOLDER")]
     data: Option<PathBuf>,
-    /// Worker threads.
-    #[arg(long)]
+    /// Worker threads; the results do not depend on them [default: one a core].
+    #[arg(long, value_name = "N")]
     threads: Option<usize>,
 }
 

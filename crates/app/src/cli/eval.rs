@@ -23,19 +23,19 @@ pub enum EvalCommand {
 #[derive(Debug, Args)]
 pub struct RealArgs {
     /// Folder with video.mp4 and background.png (or masks/), camera.toml and joints3d.csv [default: real/balance of the data folder].
-    #[arg(long)]
+    #[arg(long, value_name = "FOLDER")]
     data: Option<PathBuf>,
-    /// Frames A..B only.
-    #[arg(long, value_parser = parse_frames)]
+    /// Some frames only: the first, counted from 0, and the one after the last.
+    #[arg(long, value_name = "A..B", value_parser = parse_frames)]
     frames: Option<std::ops::Range<u64>>,
-    /// Number of seeds.
-    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..))]
+    /// Number of seeds: 1, 2, and so on.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..))]
     seeds: u64,
     /// Where eval.json and the run folders go.
-    #[arg(long, default_value = "runs/eval-real")]
+    #[arg(long, value_name = "FOLDER", default_value = "runs/eval-real")]
     out: PathBuf,
-    /// Worker threads.
-    #[arg(long)]
+    /// Worker threads; the results do not depend on them [default: one a core].
+    #[arg(long, value_name = "N")]
     threads: Option<usize>,
     #[command(flatten)]
     settings: SettingsArgs,
@@ -45,10 +45,10 @@ pub struct RealArgs {
 #[derive(Debug, Args)]
 pub struct StageMasksArgs {
     /// A stage-like data set, or one sequence of it [default: stage of the data folder].
-    #[arg(long)]
+    #[arg(long, value_name = "FOLDER")]
     data: Option<PathBuf>,
     /// Where eval.json goes.
-    #[arg(long, default_value = "runs/eval-stage-masks")]
+    #[arg(long, value_name = "FOLDER", default_value = "runs/eval-stage-masks")]
     out: PathBuf,
 }
 

@@ -9,6 +9,7 @@ use clap::Args;
 #[derive(Debug, Args)]
 pub struct InfoArgs {
     /// The run folder.
+    #[arg(value_name = "FOLDER")]
     run: PathBuf,
 }
 

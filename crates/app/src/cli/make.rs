@@ -23,10 +23,10 @@ const STAGE_FRAMES: u64 = 40;
 #[derive(Debug, Args)]
 pub struct AssetsArgs {
     /// The data folder, with `bodies` and `cmu` [default: as UMBRA_DATA names it].
-    #[arg(long)]
+    #[arg(long, value_name = "FOLDER")]
     data: Option<PathBuf>,
     /// Where the assets go.
-    #[arg(long, default_value = "crates/body/assets")]
+    #[arg(long, value_name = "FOLDER", default_value = "crates/body/assets")]
     out: PathBuf,
 }
 
@@ -34,10 +34,10 @@ pub struct AssetsArgs {
 #[derive(Debug, Args)]
 pub struct FixturesArgs {
     /// The data folder, with `real/balance` and `stage` [default: as UMBRA_DATA names it].
-    #[arg(long)]
+    #[arg(long, value_name = "FOLDER")]
     data: Option<PathBuf>,
     /// Where the fixtures go.
-    #[arg(long, default_value = "fixtures")]
+    #[arg(long, value_name = "FOLDER", default_value = "fixtures")]
     out: PathBuf,
 }
 

@@ -19,7 +19,7 @@ struct Cli {
 }
 
 const EXIT_STATUS: &str = "Exit status: 0 done; 1 the input or a file cannot be used (one message says which file, field and value); \
-2 the command line is wrong; 3 no person was found on any frame; 4 the results could not be written.";
+2 the command line is wrong; 3 no frame shows a person; 4 the results could not be written.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -51,7 +51,7 @@ pub fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            crate::progress::note(&format!("umbra: {error:#}"));
+            crate::progress::note(&format!("error: {error:#}"));
             ExitCode::from(exit_status(&error))
         }
     }

@@ -15,45 +15,50 @@ use crate::track::{Background, CameraChoice, ClipInput, TrackJob, TrackOutcome, 
 pub struct TrackArgs {
     /// A video, a folder of PNG or JPEG frames, or (with --masks) a folder of masks.
     input: PathBuf,
-    /// The run folder to write.
-    #[arg(long)]
+    /// The run folder to write; new or empty, see --resume and --force.
+    #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
     /// The calibrated camera: TOML, JSON, OpenCV YAML, or a 22-number .cal file.
-    #[arg(long, conflicts_with_all = ["focal_px", "fov_deg"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["focal_px", "fov_deg"])]
     camera: Option<PathBuf>,
     /// Without a calibration: the focal length in pixels. A level camera 1.5 m above the floor is assumed.
-    #[arg(long, conflicts_with = "fov_deg")]
+    #[arg(long, value_name = "PX", conflicts_with = "fov_deg")]
     focal_px: Option<f64>,
     /// Without a calibration: the horizontal field of view in degrees. A level camera 1.5 m above the floor is assumed.
-    #[arg(long)]
+    #[arg(long, value_name = "DEG")]
     fov_deg: Option<f64>,
-    /// A picture of the empty scene; without it the background is learned from the video.
-    #[arg(long, conflicts_with = "masks")]
+    /// A picture of the empty scene; without it the background is learned from the frames.
+    #[arg(long, value_name = "FILE", conflicts_with = "masks")]
     background: Option<PathBuf>,
     /// How to learn the background when there is no picture of it.
-    #[arg(long, value_enum, default_value_t = Learn::Median, conflicts_with_all = ["background", "masks"])]
+    #[arg(long, value_name = "HOW", value_enum, default_value_t = Learn::Median, conflicts_with_all = ["background", "masks"])]
     learn_background: Learn,
     /// The input is a folder of ready masks: person white, everything else black.
     #[arg(long)]
     masks: bool,
-    /// Frames A..B only: the first, and the one after the last.
-    #[arg(long, value_parser = parse_frames)]
+    /// Some frames only: the first, counted from 0, and the one after the last.
+    #[arg(long, value_name = "A..B", value_parser = parse_frames)]
     frames: Option<std::ops::Range<u64>>,
-    /// Frames a second, where the input does not say.
-    #[arg(long)]
+    /// Frames a second [default: as the camera file or the video says, else 60].
+    #[arg(long, value_name = "RATE")]
     fps: Option<f64>,
     /// Leave source frames out of everything that is written.
     #[arg(long)]
     redact: bool,
-    /// Go on with an interrupted run.
+    /// Go on with the interrupted run in the folder; the other options must be as they were.
     #[arg(long)]
     resume: bool,
     /// Replace a run that is already in the folder.
     #[arg(long, conflicts_with = "resume")]
     force: bool,
-    /// Worker threads; the results do not depend on them.
-    #[arg(long)]
+    /// Worker threads; the results do not depend on them [default: one a core].
+    #[arg(long, value_name = "N")]
     threads: Option<usize>,
+    #[arg(long, value_name = "N", help_heading = SETTINGS, help = or_else("Seed of every random draw", defaults().seed))]
+    seed: Option<u64>,
+    /// Heading on the first frame in degrees, anticlockwise from world +x as seen from above; searched for when absent.
+    #[arg(long, value_name = "DEG", help_heading = SETTINGS, allow_negative_numbers = true)]
+    initial_heading_deg: Option<f64>,
     #[command(flatten)]
     settings: SettingsArgs,
 }
@@ -67,34 +72,34 @@ enum Learn {
     Mixture,
 }
 
+/// Heading of the settings in the help.
+const SETTINGS: &str = "Settings";
+
 /// The settings that change the answer; those not given keep the value of the settings file or the default.
 #[derive(Debug, Default, Args)]
-#[command(next_help_heading = "Settings")]
+#[command(next_help_heading = SETTINGS)]
 pub struct SettingsArgs {
-    /// A TOML file of settings, as in the table `settings` of a run.toml.
-    #[arg(long)]
+    /// A TOML file of settings, named as in the table `settings` of a run.toml.
+    #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Seed of every random draw.
-    #[arg(long)]
-    seed: Option<u64>,
-    /// Particles of the filter.
-    #[arg(long)]
+    #[arg(long, value_name = "N", help = or_else("Particles of the filter", defaults().particles))]
     particles: Option<u32>,
-    /// Annealing layers a frame.
-    #[arg(long)]
+    #[arg(long, value_name = "N", help = or_else("Annealing layers a frame", defaults().layers))]
     layers: Option<u32>,
-    /// Filters side by side, for readings that one frame cannot tell apart.
-    #[arg(long)]
-    modes: Option<u32>,
-    /// Motions that are expected.
+    /// Motions that are expected [default: any].
     #[arg(long, value_enum)]
     motion: Option<Motion>,
-    /// Stature of the person in metres.
-    #[arg(long)]
+    #[arg(long, value_name = "M", help = or_else("Stature of the person in metres", defaults().stature_m))]
     stature_m: Option<f64>,
-    /// Heading on the first frame in degrees, anticlockwise from world +x as seen from above; searched for when absent.
-    #[arg(long, allow_negative_numbers = true)]
-    initial_heading_deg: Option<f64>,
+}
+
+fn defaults() -> TrackConfig {
+    TrackConfig::default()
+}
+
+/// The help of an option that keeps this value when it is not given.
+fn or_else(what: &str, value: impl std::fmt::Display) -> String {
+    format!("{what} [default: {value}]")
 }
 
 impl SettingsArgs {
@@ -108,13 +113,10 @@ impl SettingsArgs {
                 toml::from_str(&text).with_context(|| format!("{}: not settings", path.display()))?
             }
         };
-        set(&mut config.seed, self.seed);
         set(&mut config.particles, self.particles);
         set(&mut config.layers, self.layers);
-        set(&mut config.modes, self.modes);
         set(&mut config.motion, self.motion);
         set(&mut config.stature_m, self.stature_m);
-        config.initial_heading_deg = self.initial_heading_deg.or(config.initial_heading_deg);
         Ok(config)
     }
 }
@@ -168,11 +170,14 @@ pub fn run(args: &TrackArgs) -> anyhow::Result<()> {
         (_, true) => Existing::Replace,
         _ => Existing::Refuse,
     };
+    let mut config = args.settings.config()?;
+    set(&mut config.seed, args.seed);
+    config.initial_heading_deg = args.initial_heading_deg.or(config.initial_heading_deg);
     let job = TrackJob {
         input,
         camera,
         out: args.out.clone(),
-        config: args.settings.config()?,
+        config,
         frames: args.frames.clone(),
         fps: args.fps,
         redact: args.redact,

@@ -67,7 +67,7 @@ impl CameraChoice {
             }
         };
         let assumption = format!(
-            "assumed: a level, upright camera {ASSUMED_HEIGHT_M} m above the floor, focal length {:.0} px, no distortion; \
+            "a level, upright camera {ASSUMED_HEIGHT_M} m above the floor, focal length {:.0} px, no distortion; \
              positions are relative to it",
             intrinsics.focal_px[0]
         );

@@ -138,7 +138,7 @@ fn learn_median(path: &Path, geometry: Geometry) -> anyhow::Result<StaticModel> 
         Some(n_frames) => n_frames,
         None => {
             let mut n_frames = 0;
-            while source.next_frame(&mut frame)? {
+            while source.next_frame(&mut frame).is_ok_and(|is_frame| is_frame) {
                 n_frames += 1;
             }
             source = open_frames(path)?;
@@ -148,7 +148,14 @@ fn learn_median(path: &Path, geometry: Geometry) -> anyhow::Result<StaticModel> 
     let every = n_frames.div_ceil(MEDIAN_FRAMES).max(1);
     let mut median = TemporalMedian::new(geometry);
     let mut index = 0;
-    while source.next_frame(&mut frame)? {
+    loop {
+        match source.next_frame(&mut frame) {
+            Ok(true) => {}
+            // What can be read of a damaged clip is worth tracking; the reader that follows meets the damage again.
+            Err(_) if index > 0 => break,
+            Err(error) => return Err(error),
+            Ok(false) => break,
+        }
         if index % every == 0 {
             median.push(&RgbView::new(frame.width, frame.height, &frame.pixels)?);
         }

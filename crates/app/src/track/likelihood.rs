@@ -2,11 +2,15 @@
 
 use body::Pose;
 use pf_core::Likelihood;
+use rayon::prelude::*;
 use render_gpu::ScoreError;
 use silhouette::Mask;
 
 use super::overlap::BodyOverlap;
 use super::state::{BodySpace, BodyState, blank_pose};
+
+/// States that one task poses: fewer are not worth a task.
+const STATES_A_TASK: usize = 32;
 
 /// What the tracker sees on a frame.
 #[derive(Debug)]
@@ -45,15 +49,16 @@ impl Likelihood<BodyState> for SilhouetteLikelihood {
         states: &[BodyState],
         out: &mut [f64],
     ) -> Result<(), ScoreError> {
-        let model = self.space.model();
+        let Self { space, sharpness, prior_weight, .. } = self;
         self.poses.resize_with(states.len(), blank_pose);
-        for (pose, state) in self.poses.iter_mut().zip(states) {
-            self.space.pose_into(state, pose);
-        }
+        let prior = self.poses.par_iter_mut().zip(states).zip(&mut *out).with_min_len(STATES_A_TASK);
+        prior.for_each(|((pose, state), log_prior)| {
+            space.pose_into(state, pose);
+            *log_prior = space.model().log_prior(&state.latent[..space.model().dim()]);
+        });
         let counts = self.overlap.counts(&self.poses)?;
-        for ((log_likelihood, counts), state) in out.iter_mut().zip(counts).zip(states) {
-            let log_prior = model.log_prior(&state.latent[..model.dim()]);
-            *log_likelihood = -self.sharpness * (1.0 - counts.iou()) + self.prior_weight * log_prior;
+        for (log_likelihood, counts) in out.iter_mut().zip(counts) {
+            *log_likelihood = *prior_weight * *log_likelihood - *sharpness * (1.0 - counts.iou());
         }
         Ok(())
     }

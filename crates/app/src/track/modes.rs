@@ -17,8 +17,8 @@ use crate::run_folder::FrameRecord;
 /// Share of a mode's fit that is carried on from the frames before: it looks back over some ten frames.
 const FIT_MEMORY: f64 = 0.9;
 /// Difference in fit (log-likelihood) at which a mode's weight falls by the factor e. The overlap of a right pose varies
-/// by some 2 %, three units at the default sharpness.
-const FIT_SCALE: f64 = 3.0;
+/// by one or two hundredths, two units at the default sharpness.
+const FIT_SCALE: f64 = 2.0;
 /// Modes whose pelvis is turned further than this from the best one's are no reading of the same pose; their mean is none.
 const SAME_READING_RAD: f64 = 1.0;
 

@@ -16,7 +16,7 @@ use super::follower::Follower;
 use super::pose_model::{FreeJoints, JointComponents, PoseModel};
 use crate::config::{ExecConfig, Motion, TrackConfig, TrackParams};
 use crate::progress::Progress;
-use crate::run_folder::{Existing, FrameRecord, RunHeader, RunInput, RunWriter, Status};
+use crate::run_folder::{Existing, FrameRecord, RunHeader, RunInput, RunWriter, Status, WriteRunError};
 
 /// Rate of a clip that does not say.
 const DEFAULT_FPS: f64 = 60.0;
@@ -100,11 +100,19 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
     if !(fps > 0.0 && fps.is_finite()) {
         bail!("`fps` is {fps}, expected a number above 0");
     }
+    let range = job.frames.clone().unwrap_or(0..u64::MAX);
+    if let Some(n_frames) = info.n_frames.filter(|n_frames| range.start >= *n_frames) {
+        bail!("{}: `frames` begins at {}, expected less than {n_frames}, their number", info.path.display(), range.start);
+    }
+    let mut assumptions = known.assumptions;
+    if params.stature_m == TrackConfig::default().stature_m {
+        assumptions.push(format!("a person {} m tall, the default stature", params.stature_m));
+    }
     let body = Arc::new(BodyModel::builtin().shape_for_stature(params.stature_m, None));
     let header = RunHeader {
         inputs: inputs(job),
         settings: settings_table(job)?,
-        assumptions: known.assumptions.clone(),
+        assumptions: assumptions.clone(),
         fps,
         redact: job.redact,
         camera: known.camera.clone(),
@@ -118,35 +126,45 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
         frames = resumed.frames;
     }
 
-    let range = job.frames.clone().unwrap_or(0..u64::MAX);
     let total = info.n_frames.map(|n| n.min(range.end).saturating_sub(range.start));
     let mut progress = Progress::start("tracking", frames.len() as u64, total);
-    for assumption in &known.assumptions {
-        progress.note(assumption);
+    for assumption in &assumptions {
+        progress.note(&format!("assumed: {assumption}"));
     }
     let first = frames.last().map_or(range.start, |last: &FrameRecord| last.frame + 1);
     let mut window = Window::new(reader, first..range.end);
-    let cut_short_by = loop {
-        match window.advance() {
-            Ok(true) => {}
-            Ok(false) => break None,
-            Err(error) => break Some(error),
-        }
-        let frame = &window.frames[0];
+    window.fill();
+    let mut unwritten: Option<Unwritten> = None;
+    while let Some(frame) = window.frames.front() {
+        let index = frame.index;
         let masks: Vec<&Mask> = window.frames.iter().map(|frame| &frame.mask).collect();
-        if let Some(record) = follower.step(frame.index, &masks)? {
-            let is_due = (frame.index + 1).is_multiple_of(CHECKPOINT_EVERY);
+        // Three things at once: this frame's poses, the pictures of the last one, and the mask of one to come.
+        let (record, (written, read)) = rayon::join(
+            || follower.step(index, &masks),
+            || rayon::join(|| unwritten.take().map_or(Ok(()), |last| last.write(&mut writer)), || window.reader.read()),
+        );
+        written?;
+        let record = record?;
+        window.keep(read);
+        let frame = window.frames.pop_front().expect("it was worked on");
+        window.fill();
+        if let Some(record) = record {
+            let is_due = (index + 1).is_multiple_of(CHECKPOINT_EVERY);
             let checkpoint = if is_due { follower.checkpoint()? } else { None };
-            writer.push(&record, frame.picture.as_ref(), &frame.mask, checkpoint.as_deref())?;
-            frames.push(record);
+            frames.push(record.clone());
+            unwritten = Some(Unwritten { record, frame, checkpoint });
         }
         progress.advance();
-    };
+    }
+    if let Some(last) = unwritten {
+        last.write(&mut writer)?;
+    }
+    let cut_short_by = window.reader.broken;
     let fps_achieved = progress.rate();
     if frames.is_empty() {
         return Err(match cut_short_by {
             Some(error) => error,
-            None => NobodyFound { input: info.path.display().to_string(), frames: window.n_read }.into(),
+            None => NobodyFound { input: info.path.display().to_string(), frames: window.reader.n_read }.into(),
         });
     }
     writer.finish(cut_short_by.as_ref().map(|error| format!("{error:#}")).as_deref())?;
@@ -160,45 +178,70 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
     }
 }
 
+/// A frame whose result is known and not yet in the run folder.
+struct Unwritten {
+    record: FrameRecord,
+    frame: ClipFrame,
+    checkpoint: Option<Vec<u8>>,
+}
+
+impl Unwritten {
+    fn write(self, writer: &mut RunWriter) -> Result<(), WriteRunError> {
+        writer.push(&self.record, self.frame.picture.as_ref(), &self.frame.mask, self.checkpoint.as_deref())
+    }
+}
+
 /// The frame that is worked on and those after it that are read already.
 struct Window {
-    reader: ClipReader,
-    range: Range<u64>,
+    reader: RangeReader,
     frames: VecDeque<ClipFrame>,
-    /// Why no more can be read; told when the frames read before are used up.
-    broken: Option<anyhow::Error>,
-    is_at_end: bool,
-    n_read: u64,
 }
 
 impl Window {
     fn new(reader: ClipReader, range: Range<u64>) -> Self {
-        Self { reader, range, frames: VecDeque::new(), broken: None, is_at_end: false, n_read: 0 }
+        let reader = RangeReader { reader, range, is_at_end: false, broken: None, n_read: 0 };
+        Self { reader, frames: VecDeque::new() }
     }
 
-    /// Moves on by one frame; false behind the last. Frames before the range are read too, for the background model of
-    /// a resumed run must have seen what it saw before.
-    fn advance(&mut self) -> anyhow::Result<bool> {
-        self.frames.pop_front();
-        while self.frames.len() < START_MASKS && !self.is_at_end {
+    fn fill(&mut self) {
+        while self.frames.len() < START_MASKS && !self.reader.is_at_end {
+            let frame = self.reader.read();
+            self.keep(frame);
+        }
+    }
+
+    fn keep(&mut self, frame: Option<ClipFrame>) {
+        self.frames.extend(frame);
+    }
+}
+
+/// Reads the frames of a range.
+struct RangeReader {
+    reader: ClipReader,
+    range: Range<u64>,
+    is_at_end: bool,
+    /// Why no more can be read.
+    broken: Option<anyhow::Error>,
+    n_read: u64,
+}
+
+impl RangeReader {
+    /// The next frame of the range; none at its end, or where the source is broken. Frames before the range are read too,
+    /// for the background model of a resumed run must have seen what it saw before.
+    fn read(&mut self) -> Option<ClipFrame> {
+        while !self.is_at_end {
             match self.reader.next_frame() {
                 Ok(Some(frame)) if frame.index < self.range.end => {
-                    self.n_read += 1;
                     if frame.index >= self.range.start {
-                        self.frames.push_back(frame);
+                        self.n_read += 1;
+                        return Some(frame);
                     }
                 }
                 Ok(_) => self.is_at_end = true,
                 Err(error) => (self.is_at_end, self.broken) = (true, Some(error)),
             }
         }
-        match (self.frames.is_empty(), self.broken.take()) {
-            (true, Some(error)) => Err(error),
-            (is_empty, broken) => {
-                self.broken = broken;
-                Ok(!is_empty)
-            }
-        }
+        None
     }
 }
 
