@@ -38,7 +38,7 @@ impl Default for EvidenceConfig {
             minimum_noise: 1.0,
             edge_jitter_px: 0.35,
             darkest_shadow: 0.5,
-            shadow_cost: 0.4,
+            shadow_cost: 0.5,
             shadow_appearance: 15.0,
             appearance_bias: 0.3,
         }

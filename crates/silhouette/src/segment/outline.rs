@@ -2,7 +2,7 @@
 //! I = cF + (1 − c)B, and its coverage c follows from the colours on both sides.
 
 use crate::clean::Window;
-use crate::image::RgbPlanes;
+use crate::image::{Geometry, RgbPlanes};
 use crate::mask::Mask;
 
 /// Least difference of the colours on both sides for the blend to tell anything, grey levels.
@@ -63,18 +63,16 @@ fn blend(frame: &RgbPlanes, background: &RgbPlanes, at: usize, person: [f32; 3])
     (length >= MINIMUM_CONTRAST * MINIMUM_CONTRAST).then(|| (along / length).clamp(0.0, 1.0))
 }
 
-/// The mask of the pixels covered by half or more, at `reduction` times the size, between pixel centres by straight
-/// lines; `width` by `height` pixels.
-pub(crate) fn enlarged_half(
-    coverage: &[f32],
-    working_width: usize,
-    reduction: u32,
-    width: u32,
-    height: u32,
-) -> Mask {
+/// The mask of the pixels of which `least` or more is covered, in the size of the frames; between the centres of
+/// working pixels the coverage runs in straight lines.
+pub(crate) fn enlarged(coverage: &[f32], geometry: Geometry, least: f32) -> Mask {
+    let Geometry { width, height, reduction } = geometry;
+    let working_width = geometry.working_width() as usize;
     let working_height = coverage.len() / working_width;
     if reduction == 1 {
-        return Mask::from_fn(width, height, |x, y| coverage[y as usize * working_width + x as usize] >= 0.5);
+        return Mask::from_fn(width, height, |x, y| {
+            coverage[y as usize * working_width + x as usize] >= least
+        });
     }
     let steps = |length: u32, cells: usize| -> Vec<(usize, usize, f32)> {
         (0..length)
@@ -96,7 +94,7 @@ pub(crate) fn enlarged_half(
         };
         let last = row.iter().rposition(|&share| share > 0.0).unwrap_or(first);
         for (x, &(left, right, part)) in columns.iter().enumerate() {
-            if right >= first && left <= last && row[left] + part * (row[right] - row[left]) >= 0.5 {
+            if right >= first && left <= last && row[left] + part * (row[right] - row[left]) >= least {
                 mask.set(x as u32, y as u32, true);
             }
         }

@@ -31,6 +31,8 @@ pub struct SegmenterConfig {
     pub hole_share: f64,
     /// Which components are the person.
     pub person: PersonTrackerConfig,
+    /// A pixel of the rim is person when the person covers at least this share of it.
+    pub rim_share: f32,
     /// The light and the background are not learned this close to the person, pixels.
     pub keep_off_px: u32,
 }
@@ -45,6 +47,7 @@ impl Default for SegmenterConfig {
             close_px: 5,
             hole_share: 0.02,
             person: PersonTrackerConfig::default(),
+            rim_share: 0.4,
             keep_off_px: 8,
         }
     }
@@ -87,6 +90,7 @@ impl SegmenterParams {
         }
         let shares = [
             ("evidence.darkest_shadow", f64::from(evidence.darkest_shadow)),
+            ("rim_share", f64::from(config.rim_share)),
             ("hole_share", config.hole_share),
             ("person.minimum_share", person.minimum_share),
             ("person.piece_share", person.piece_share),
@@ -209,8 +213,7 @@ impl Segmenter {
         }
         self.model.learn(&self.frame, &person.dilated(Window::radius(self.config.keep_off_px)));
         let coverage = outline::coverage(&person, &self.frame, self.illumination.matched());
-        let Geometry { width, height, reduction } = self.geometry;
-        let mask = outline::enlarged_half(&coverage, self.frame.width, reduction, width, height);
+        let mask = outline::enlarged(&coverage, self.geometry, self.config.rim_share);
         let n_pixels = self.geometry.working_pixels() as f64;
         let diagnostics = Diagnostics {
             illumination,

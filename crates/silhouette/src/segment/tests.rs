@@ -17,7 +17,7 @@ fn noise(index: usize) -> f32 {
 fn floor_color(x: u32, y: u32) -> [f32; 3] {
     let grain =
         12.0 * ((x as f32 * 0.9).sin() * (y as f32 * 0.13).cos()) + 6.0 * noise((y * WIDTH + x) as usize);
-    let seam = if x % 32 == 0 { -30.0 } else { 0.0 };
+    let seam = if x.is_multiple_of(32) { -30.0 } else { 0.0 };
     [150.0 + grain + seam, 115.0 + 0.8 * grain + seam, 80.0 + 0.6 * grain + seam]
 }
 
