@@ -44,7 +44,7 @@ pub(super) fn paint(
     let title = format!("{} of {} frames tracked{overlap}", summary.tracked, summary.frames);
     let strip = Filmstrip { title, crop: crop(scene.size(), &shown), frame_height: HEIGHT }.paint(&frames);
     let mut png = Vec::new();
-    PngEncoder::new_with_quality(&mut png, CompressionType::Best, FilterType::Adaptive)
+    PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Adaptive)
         .write_image(&strip.pixels, strip.width, strip.height, image::ExtendedColorType::Rgb8)
         .context("filmstrip.png: cannot encode the picture")?;
     Ok(Some(png))
