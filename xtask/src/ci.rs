@@ -29,16 +29,7 @@ pub fn run(missing_tool: MissingTool) -> Result<ExitCode> {
         ("fmt", || cargo(&["fmt", "--all", "--check"])),
         ("layers", || findings(&layers::check()?)),
         ("licences", || findings(&licences::check()?)),
-        ("clippy", || {
-            cargo(&[
-                "clippy",
-                "--workspace",
-                "--all-targets",
-                "--",
-                "--deny",
-                "warnings",
-            ])
-        }),
+        ("clippy", || cargo(&["clippy", "--workspace", "--all-targets", "--", "--deny", "warnings"])),
         ("test", || cargo(&["test", "--workspace"])),
         ("doc", || cargo(&["doc", "--workspace", "--no-deps"])),
         ("deny", deny),
@@ -56,50 +47,30 @@ pub fn run(missing_tool: MissingTool) -> Result<ExitCode> {
                 "FAILED"
             }
         };
-        summary.push(format!(
-            "{name:<9} {word:<13} {:>5.0} s",
-            start.elapsed().as_secs_f64()
-        ));
+        summary.push(format!("{name:<9} {word:<13} {:>5.0} s", start.elapsed().as_secs_f64()));
     }
     println!("\n{}", summary.join("\n"));
-    Ok(if all_well {
-        ExitCode::SUCCESS
-    } else {
-        ExitCode::FAILURE
-    })
+    Ok(if all_well { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 fn cargo(args: &[&str]) -> Result<Outcome> {
     let mut command = Command::new(cargo_program());
     // Only rustdoc reads RUSTDOCFLAGS, so setting it rebuilds nothing else.
-    command
-        .args(args)
-        .current_dir(root())
-        .env("RUSTDOCFLAGS", "--deny warnings");
+    command.args(args).current_dir(root()).env("RUSTDOCFLAGS", "--deny warnings");
     let status = command.status().context("cannot start cargo")?;
-    Ok(if status.success() {
-        Outcome::Passed
-    } else {
-        Outcome::Failed
-    })
+    Ok(if status.success() { Outcome::Passed } else { Outcome::Failed })
 }
 
 fn findings(findings: &[String]) -> Result<Outcome> {
     for finding in findings {
         println!("{finding}");
     }
-    Ok(if findings.is_empty() {
-        Outcome::Passed
-    } else {
-        Outcome::Failed
-    })
+    Ok(if findings.is_empty() { Outcome::Passed } else { Outcome::Failed })
 }
 
 fn deny() -> Result<Outcome> {
-    let installed = Command::new(cargo_program())
-        .args(["deny", "--version"])
-        .output()
-        .context("cannot start cargo")?;
+    let installed =
+        Command::new(cargo_program()).args(["deny", "--version"]).output().context("cannot start cargo")?;
     if !installed.status.success() {
         println!("cargo-deny is not installed; to install it: cargo install --locked cargo-deny");
         return Ok(Outcome::NotInstalled);

@@ -17,10 +17,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("render-gpu", &[]),
     ("silhouette", &[]),
     ("biosig", &["body", "bme"]),
-    (
-        "app",
-        &["pf-core", "bme", "body", "render-gpu", "silhouette", "biosig"],
-    ),
+    ("app", &["pf-core", "bme", "body", "render-gpu", "silhouette", "biosig"]),
     ("xtask", &[]),
 ];
 
@@ -44,15 +41,11 @@ fn arrows(workspace: &Value) -> Vec<String> {
             findings.push(format!("{name}: not in the table of layers"));
             continue;
         };
-        let ours = list(package, "dependencies")
-            .iter()
-            .filter(|dependency| dependency["path"].is_string());
+        let ours = list(package, "dependencies").iter().filter(|dependency| dependency["path"].is_string());
         for dependency in ours.filter_map(|dependency| dependency["name"].as_str()) {
             // A crate's tests may depend on the crate itself, to turn on a feature.
             if dependency != name && !allowed.contains(&dependency) {
-                findings.push(format!(
-                    "{name}: imports {dependency}, but may import only {allowed:?}"
-                ));
+                findings.push(format!("{name}: imports {dependency}, but may import only {allowed:?}"));
             }
         }
     }
@@ -61,21 +54,12 @@ fn arrows(workspace: &Value) -> Vec<String> {
 
 /// What every manifest of ours must say: the workspace's lints and licence, and that it is not for a registry.
 fn manifest(package: &Value) -> Result<Vec<String>> {
-    let path = Path::new(
-        package["manifest_path"]
-            .as_str()
-            .context("cargo metadata: no `manifest_path`")?,
-    );
+    let path = Path::new(package["manifest_path"].as_str().context("cargo metadata: no `manifest_path`")?);
     let text =
         fs::read_to_string(path).with_context(|| format!("{}: cannot read the file", path.display()))?;
-    let manifest: toml::Table = text
-        .parse()
-        .with_context(|| format!("{}: not TOML", path.display()))?;
+    let manifest: toml::Table = text.parse().with_context(|| format!("{}: not TOML", path.display()))?;
     let inherits = |table: Option<&toml::Value>| {
-        table
-            .and_then(|table| table.get("workspace"))
-            .and_then(toml::Value::as_bool)
-            == Some(true)
+        table.and_then(|table| table.get("workspace")).and_then(toml::Value::as_bool) == Some(true)
     };
     let in_package = |key: &str| manifest.get("package").and_then(|package| package.get(key));
     let keys = [
@@ -87,9 +71,7 @@ fn manifest(package: &Value) -> Result<Vec<String>> {
         ("package.publish", in_package("publish")),
     ];
     let missing = keys.into_iter().filter(|(_, value)| !inherits(*value));
-    Ok(missing
-        .map(|(key, _)| format!("{}: `{key}` is not the workspace's", path.display()))
-        .collect())
+    Ok(missing.map(|(key, _)| format!("{}: `{key}` is not the workspace's", path.display())).collect())
 }
 
 #[cfg(test)]
@@ -113,10 +95,7 @@ mod tests {
         ]});
         assert_eq!(
             arrows(&workspace),
-            [
-                "pf-core: imports body, but may import only []",
-                "pets: not in the table of layers"
-            ]
+            ["pf-core: imports body, but may import only []", "pets: not in the table of layers"]
         );
     }
 

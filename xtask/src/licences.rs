@@ -36,9 +36,7 @@ fn licences(deny: &Table, packages: &Value) -> Result<Vec<String>> {
             continue;
         };
         if !spdx::is_met(licence, &allowed).with_context(|| format!("{name} {version}: `license`"))? {
-            findings.push(format!(
-                "{name} {version}: licence `{licence}` is not allowed by deny.toml"
-            ));
+            findings.push(format!("{name} {version}: licence `{licence}` is not allowed by deny.toml"));
         }
     }
     Ok(findings)
@@ -46,10 +44,7 @@ fn licences(deny: &Table, packages: &Value) -> Result<Vec<String>> {
 
 /// Packages of the lock file that `bans.deny` names, unless all that depend on them are its `wrappers`.
 fn bans(deny: &Table, lock: &Table) -> Result<Vec<String>> {
-    let banned = deny
-        .get("bans")
-        .and_then(|bans| bans.get("deny"))
-        .and_then(toml::Value::as_array);
+    let banned = deny.get("bans").and_then(|bans| bans.get("deny")).and_then(toml::Value::as_array);
     let banned = banned.context("deny.toml: `bans.deny` is not an array")?;
     let mut findings = Vec::new();
     for ban in banned {
@@ -65,18 +60,13 @@ fn bans(deny: &Table, lock: &Table) -> Result<Vec<String>> {
         let wrappers: Vec<&str> = ban
             .get("wrappers")
             .and_then(toml::Value::as_array)
-            .map_or_else(Vec::new, |wrappers| {
-                wrappers.iter().filter_map(toml::Value::as_str).collect()
-            });
+            .map_or_else(Vec::new, |wrappers| wrappers.iter().filter_map(toml::Value::as_str).collect());
         if wrappers.is_empty() {
             findings.push(format!("{name}: banned, {reason}"));
         }
         for user in locked(lock)?.iter().filter(|package| depends_on(package, name)) {
             if !wrappers.contains(&name_of(user)) {
-                findings.push(format!(
-                    "{}: depends on {name}, which is banned: {reason}",
-                    name_of(user)
-                ));
+                findings.push(format!("{}: depends on {name}, which is banned: {reason}", name_of(user)));
             }
         }
     }
@@ -91,14 +81,11 @@ fn sources(deny: &Table, lock: &Table) -> Result<Vec<String>> {
         let Some(source) = package.get("source").and_then(toml::Value::as_str) else {
             continue;
         };
-        let known = source
-            .strip_prefix("registry+")
-            .is_some_and(|url| registries.iter().any(|ours| ours == url));
+        let known =
+            source.strip_prefix("registry+").is_some_and(|url| registries.iter().any(|ours| ours == url));
         if !known {
-            findings.push(format!(
-                "{}: comes from {source}, which deny.toml does not allow",
-                name_of(package)
-            ));
+            findings
+                .push(format!("{}: comes from {source}, which deny.toml does not allow", name_of(package)));
         }
     }
     Ok(findings)
@@ -108,21 +95,13 @@ fn read_toml(name: &str) -> Result<Table> {
     let path = root().join(name);
     let text =
         fs::read_to_string(&path).with_context(|| format!("{}: cannot read the file", path.display()))?;
-    text.parse()
-        .with_context(|| format!("{}: not TOML", path.display()))
+    text.parse().with_context(|| format!("{}: not TOML", path.display()))
 }
 
 fn strings(deny: &Table, table: &str, key: &str) -> Result<Vec<String>> {
-    let values = deny
-        .get(table)
-        .and_then(|table| table.get(key))
-        .and_then(toml::Value::as_array);
+    let values = deny.get(table).and_then(|table| table.get(key)).and_then(toml::Value::as_array);
     let values = values.with_context(|| format!("deny.toml: `{table}.{key}` is not an array"))?;
-    Ok(values
-        .iter()
-        .filter_map(toml::Value::as_str)
-        .map(str::to_owned)
-        .collect())
+    Ok(values.iter().filter_map(toml::Value::as_str).map(str::to_owned).collect())
 }
 
 fn locked(lock: &Table) -> Result<&[toml::Value]> {
@@ -131,19 +110,14 @@ fn locked(lock: &Table) -> Result<&[toml::Value]> {
 }
 
 fn name_of(package: &toml::Value) -> &str {
-    package
-        .get("name")
-        .and_then(toml::Value::as_str)
-        .unwrap_or_default()
+    package.get("name").and_then(toml::Value::as_str).unwrap_or_default()
 }
 
 /// Cargo.lock writes a dependency as `name`, or `name version` where several versions are locked.
 fn depends_on(package: &toml::Value, name: &str) -> bool {
     let dependencies = package.get("dependencies").and_then(toml::Value::as_array);
     dependencies.is_some_and(|all| {
-        all.iter()
-            .filter_map(toml::Value::as_str)
-            .any(|one| one.split(' ').next() == Some(name))
+        all.iter().filter_map(toml::Value::as_str).any(|one| one.split(' ').next() == Some(name))
     })
 }
 
@@ -153,19 +127,10 @@ fn as_str<'a>(package: &'a Value, key: &str) -> &'a str {
 
 fn host_platform() -> Result<String> {
     let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
-    let output = Command::new(rustc)
-        .args(["--print", "host-tuple"])
-        .output()
-        .context("cannot start rustc")?;
-    ensure!(
-        output.status.success(),
-        "rustc: {}",
-        String::from_utf8_lossy(&output.stderr).trim()
-    );
-    Ok(String::from_utf8(output.stdout)
-        .context("rustc: not UTF-8")?
-        .trim()
-        .to_owned())
+    let output =
+        Command::new(rustc).args(["--print", "host-tuple"]).output().context("cannot start rustc")?;
+    ensure!(output.status.success(), "rustc: {}", String::from_utf8_lossy(&output.stderr).trim());
+    Ok(String::from_utf8(output.stdout).context("rustc: not UTF-8")?.trim().to_owned())
 }
 
 #[cfg(test)]

@@ -1,9 +1,5 @@
 //! Checks, fixtures and studies of the workspace: `cargo xtask <command>`.
-#![allow(
-    clippy::print_stdout,
-    clippy::print_stderr,
-    reason = "a command line tool talks to its user"
-)]
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command line tool talks to its user")]
 
 mod ci;
 mod layers;
@@ -78,15 +74,7 @@ fn report(check: &str, findings: &[String]) -> Result<ExitCode> {
     }
     println!(
         "{check}: {}",
-        if findings.is_empty() {
-            "ok".to_owned()
-        } else {
-            format!("{} found", findings.len())
-        }
+        if findings.is_empty() { "ok".to_owned() } else { format!("{} found", findings.len()) }
     );
-    Ok(if findings.is_empty() {
-        ExitCode::SUCCESS
-    } else {
-        ExitCode::FAILURE
-    })
+    Ok(if findings.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }

@@ -30,15 +30,7 @@ const XTASK: &str = "xtask/";
 
 const RULES: &[Rule] = &[
     Rule {
-        words: &[
-            "print!",
-            "println!",
-            "eprint!",
-            "eprintln!",
-            "stdin",
-            "stdout",
-            "stderr",
-        ],
+        words: &["print!", "println!", "eprint!", "eprintln!", "stdin", "stdout", "stderr"],
         except_in: &[APP, XTASK],
         reason: "only `app` talks to a terminal",
     },
@@ -74,11 +66,7 @@ pub fn check() -> Result<Vec<String>> {
 
     let mut findings = Vec::new();
     for file in files {
-        let path = file
-            .strip_prefix(root())
-            .unwrap_or(&file)
-            .to_string_lossy()
-            .replace('\\', "/");
+        let path = file.strip_prefix(root()).unwrap_or(&file).to_string_lossy().replace('\\', "/");
         findings.extend(check_file(&path, &read(&file)?, &papers)?);
     }
     Ok(findings)
@@ -89,16 +77,10 @@ fn check_file(path: &str, text: &str, papers: &str) -> Result<Vec<String>> {
     let mut findings = Vec::new();
     // The name `tests.rs` says it.
     if !text.starts_with("//! ") && !path.ends_with("/tests.rs") {
-        findings.push(format!(
-            "{path}:1: the first line does not say what the file is for (`//! ...`)"
-        ));
+        findings.push(format!("{path}:1: the first line does not say what the file is for (`//! ...`)"));
     }
     // The examples in the tests below cite papers that no one wrote.
-    let citations = if path.starts_with(XTASK) {
-        Vec::new()
-    } else {
-        citations(text)
-    };
+    let citations = if path.starts_with(XTASK) { Vec::new() } else { citations(text) };
     for (line, key) in citations {
         if !papers.contains(&format!("| `[{key}]` |")) {
             findings.push(format!("{path}:{line}: `[{key}]` has no row in docs/papers.md"));
@@ -108,26 +90,14 @@ fn check_file(path: &str, text: &str, papers: &str) -> Result<Vec<String>> {
         return Ok(findings);
     }
 
-    let tokens: TokenStream = text
-        .parse()
-        .map_err(|error| anyhow!("{path}: not Rust: {error}"))?;
+    let tokens: TokenStream = text.parse().map_err(|error| anyhow!("{path}: not Rust: {error}"))?;
     let mut code = Code::default();
     code.read(tokens);
-    let test_lines: usize = code
-        .test_items
-        .iter()
-        .map(|lines| lines.end() - lines.start() + 1)
-        .sum();
+    let test_lines: usize = code.test_items.iter().map(|lines| lines.end() - lines.start() + 1).sum();
     let lines = text.lines().count() - test_lines;
-    let max_lines = if path.ends_with("src/lib.rs") {
-        MAX_LIB_LINES
-    } else {
-        MAX_FILE_LINES
-    };
+    let max_lines = if path.ends_with("src/lib.rs") { MAX_LIB_LINES } else { MAX_FILE_LINES };
     if lines > max_lines {
-        findings.push(format!(
-            "{path}: {lines} lines without tests, more than {max_lines}"
-        ));
+        findings.push(format!("{path}: {lines} lines without tests, more than {max_lines}"));
     }
     for (line, word) in code.words {
         let broken = |rule: &&Rule| {
@@ -176,14 +146,7 @@ impl Code {
                 TokenTree::Ident(ident) => {
                     let is_macro =
                         matches!(tokens.peek(), Some(TokenTree::Punct(next)) if next.as_char() == '!');
-                    self.words.push((
-                        line,
-                        if is_macro {
-                            format!("{ident}!")
-                        } else {
-                            ident.to_string()
-                        },
-                    ));
+                    self.words.push((line, if is_macro { format!("{ident}!") } else { ident.to_string() }));
                 }
                 TokenTree::Group(group) => self.read(group.stream()),
                 TokenTree::Punct(_) | TokenTree::Literal(_) => {}
@@ -194,9 +157,7 @@ impl Code {
 
 /// `[cfg(test)]`, `[cfg(any(test, ...))]` and the like.
 fn is_cfg_test(token: &TokenTree) -> bool {
-    let words = token
-        .to_string()
-        .replace(|sign: char| !sign.is_alphanumeric(), " ");
+    let words = token.to_string().replace(|sign: char| !sign.is_alphanumeric(), " ");
     let mut words = words.split_whitespace();
     words.next() == Some("cfg") && words.any(|word| word == "test")
 }
@@ -208,24 +169,16 @@ fn is_braces(token: &TokenTree) -> bool {
 /// Keys of papers such as `[Deutscher2005]` or `[Mori2006a]`, with their lines.
 fn citations(text: &str) -> Vec<(usize, &str)> {
     let keys = |line| bracketed(line).filter(|key| is_paper_key(key));
-    text.lines()
-        .zip(1..)
-        .flat_map(|(line, number)| keys(line).map(move |key| (number, key)))
-        .collect()
+    text.lines().zip(1..).flat_map(|(line, number)| keys(line).map(move |key| (number, key))).collect()
 }
 
 fn bracketed(line: &str) -> impl Iterator<Item = &str> {
-    line.split('[')
-        .skip(1)
-        .filter_map(|rest| rest.split_once(']'))
-        .map(|(inside, _)| inside)
+    line.split('[').skip(1).filter_map(|rest| rest.split_once(']')).map(|(inside, _)| inside)
 }
 
 /// A name with a capital, four digits, and perhaps a letter.
 fn is_paper_key(key: &str) -> bool {
-    let stem = key
-        .strip_suffix(|last: char| last.is_ascii_lowercase())
-        .unwrap_or(key);
+    let stem = key.strip_suffix(|last: char| last.is_ascii_lowercase()).unwrap_or(key);
     let name = stem.trim_end_matches(|digit: char| digit.is_ascii_digit());
     stem.len() == name.len() + 4
         && name.starts_with(|first: char| first.is_ascii_uppercase())

@@ -9,20 +9,11 @@ use anyhow::{Result, bail, ensure};
 ///
 /// Understands `AND`, `OR`, `WITH`, parentheses, and the slash that old manifests use for `OR`.
 pub fn is_met(expression: &str, allowed: &[String]) -> Result<bool> {
-    let spaced = expression
-        .replace('/', " OR ")
-        .replace('(', " ( ")
-        .replace(')', " ) ");
+    let spaced = expression.replace('/', " OR ").replace('(', " ( ").replace(')', " ) ");
     let words: Vec<String> = spaced.split_whitespace().map(str::to_owned).collect();
-    let mut parser = Parser {
-        words: words.into_iter().peekable(),
-        allowed,
-    };
+    let mut parser = Parser { words: words.into_iter().peekable(), allowed };
     let met = parser.any_of()?;
-    ensure!(
-        parser.words.next().is_none(),
-        "`{expression}`: words after the end of the expression"
-    );
+    ensure!(parser.words.next().is_none(), "`{expression}`: words after the end of the expression");
     Ok(met)
 }
 
@@ -52,17 +43,12 @@ impl Parser<'_> {
         match self.words.next() {
             Some(open) if open == "(" => {
                 let met = self.any_of()?;
-                ensure!(
-                    self.words.next().as_deref() == Some(")"),
-                    "a parenthesis is not closed"
-                );
+                ensure!(self.words.next().as_deref() == Some(")"), "a parenthesis is not closed");
                 Ok(met)
             }
             Some(mut licence) if !["AND", "OR", "WITH", ")"].contains(&licence.as_str()) => {
                 if self.words.next_if_eq("WITH").is_some() {
-                    let Some(exception) = self.words.next() else {
-                        bail!("`WITH` names no exception")
-                    };
+                    let Some(exception) = self.words.next() else { bail!("`WITH` names no exception") };
                     licence = format!("{licence} WITH {exception}");
                 }
                 Ok(self.allowed.contains(&licence))

@@ -10,9 +10,7 @@ use serde_json::Value;
 
 /// The root folder of the workspace.
 pub fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .parent()
-        .expect("xtask lies in the root of the workspace")
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("xtask lies in the root of the workspace")
 }
 
 /// The cargo that runs us.
@@ -23,10 +21,7 @@ pub fn cargo_program() -> std::ffi::OsString {
 /// Runs cargo in the caller's folder, so that relative paths among `args` mean what the caller meant, and gives back
 /// its exit code.
 pub fn cargo(args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Result<ExitCode> {
-    let status = Command::new(cargo_program())
-        .args(args)
-        .status()
-        .context("cannot start cargo")?;
+    let status = Command::new(cargo_program()).args(args).status().context("cannot start cargo")?;
     let code = status.code().and_then(|code| u8::try_from(code).ok());
     Ok(code.map_or(ExitCode::FAILURE, ExitCode::from))
 }
@@ -39,11 +34,7 @@ pub fn metadata(options: &[&str]) -> Result<Value> {
         .current_dir(root())
         .output()
         .context("cannot start cargo")?;
-    ensure!(
-        output.status.success(),
-        "cargo metadata: {}",
-        String::from_utf8_lossy(&output.stderr).trim()
-    );
+    ensure!(output.status.success(), "cargo metadata: {}", String::from_utf8_lossy(&output.stderr).trim());
     serde_json::from_slice(&output.stdout).context("cargo metadata: not JSON")
 }
 

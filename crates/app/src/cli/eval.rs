@@ -80,19 +80,22 @@ pub fn data_folder(asked: Option<&Path>, inside: &str) -> anyhow::Result<PathBuf
     if let Some(folder) = asked {
         return Ok(folder.to_owned());
     }
-    let root = std::env::var_os("UMBRA_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-        PathBuf::from,
-    );
+    let root = std::env::var_os("UMBRA_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
     let folder = root.join(inside);
     if !folder.is_dir() {
-        bail!("{}: no such folder; give --data FOLDER, or name the data folder in UMBRA_DATA", folder.display());
+        bail!(
+            "{}: no such folder; give --data FOLDER, or name the data folder in UMBRA_DATA",
+            folder.display()
+        );
     }
     Ok(folder)
 }
 
 fn stage_masks_table(report: &stage_masks::MaskReport) -> String {
-    let mut text = String::from("| clip | background | frames | mean IoU | worst IoU (frame) |\n|---|---|---:|---:|---:|\n");
+    let mut text = String::from(
+        "| clip | background | frames | mean IoU | worst IoU (frame) |\n|---|---|---:|---:|---:|\n",
+    );
     for clip in &report.clips {
         let name = clip.clip.strip_prefix(&report.data).unwrap_or(&clip.clip).display();
         let _ = writeln!(

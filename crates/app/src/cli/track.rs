@@ -162,7 +162,9 @@ pub fn run(args: &TrackArgs) -> anyhow::Result<()> {
         (None, Some(focal_px), _) => CameraChoice::Focal(focal_px),
         (None, None, Some(fov_deg)) => CameraChoice::FieldOfView(fov_deg),
         (None, None, None) => {
-            bail!("no camera: give --camera FILE, or --focal-px or --fov-deg for one that is assumed to be level")
+            bail!(
+                "no camera: give --camera FILE, or --focal-px or --fov-deg for one that is assumed to be level"
+            )
         }
     };
     let existing = match (args.resume, args.force) {

@@ -23,7 +23,12 @@ pub struct JointErrors {
 impl JointErrors {
     /// Adds one frame. `joints_world` are estimated joints in metres, `camera_centre` the centre of projection.
     /// A frame whose reference has no root is passed over.
-    pub fn add(&mut self, joints_world: &[DVec3; N_JOINTS], reference: &ReferenceFrame, camera_centre: DVec3) {
+    pub fn add(
+        &mut self,
+        joints_world: &[DVec3; N_JOINTS],
+        reference: &ReferenceFrame,
+        camera_centre: DVec3,
+    ) {
         let Some(reference_root) = root(reference) else { return };
         let estimate = |joint: JointId| joints_world[joint.index()];
         let own_root = estimate(JointId::LEFT_HIP).midpoint(estimate(JointId::RIGHT_HIP));

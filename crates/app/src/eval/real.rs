@@ -233,15 +233,30 @@ pub fn table(report: &RealReport) -> String {
             let _ = writeln!(
                 text,
                 "| {start} | {} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.3} | {:.3} | {} | {:.1} |",
-                s.seed, s.mpjpe_root_mm, s.median_mm, s.worst_mm, s.image_plane_mm, s.depth_mm, s.pelvis_mm,
-                s.iou_mean, s.iou_worst, s.frames_lost, s.fps
+                s.seed,
+                s.mpjpe_root_mm,
+                s.median_mm,
+                s.worst_mm,
+                s.image_plane_mm,
+                s.depth_mm,
+                s.pelvis_mm,
+                s.iou_mean,
+                s.iou_worst,
+                s.frames_lost,
+                s.fps
             );
         }
         let _ = writeln!(
             text,
             "| {start} | mean | {:.1} | | | {:.1} | {:.1} | {:.1} | {:.3} | {:.3} | {:.1} | {:.1} |",
-            figures.mpjpe_root_mm, figures.image_plane_mm, figures.depth_mm, figures.pelvis_mm,
-            figures.iou_mean, figures.iou_worst, figures.frames_lost, figures.fps
+            figures.mpjpe_root_mm,
+            figures.image_plane_mm,
+            figures.depth_mm,
+            figures.pelvis_mm,
+            figures.iou_mean,
+            figures.iou_worst,
+            figures.frames_lost,
+            figures.fps
         );
     }
     text += "\n| joint | mean mm | median | worst | (heading given, mean over seeds)\n|---|---:|---:|---:|\n";
@@ -252,7 +267,9 @@ pub fn table(report: &RealReport) -> String {
         let _ = writeln!(
             text,
             "| {name} | {:.0} | {:.0} | {:.0} |",
-            over_seeds(|j| j.mean_mm), over_seeds(|j| j.median_mm), over_seeds(|j| j.worst_mm)
+            over_seeds(|j| j.mean_mm),
+            over_seeds(|j| j.median_mm),
+            over_seeds(|j| j.worst_mm)
         );
     }
     text

@@ -49,7 +49,9 @@ pub enum ReadReferenceError {
         joint: String,
     },
     /// Nothing in the file can be compared.
-    #[error("{path}: no position of a shoulder, elbow, wrist, hip, knee or ankle, expected at least one frame of them")]
+    #[error(
+        "{path}: no position of a shoulder, elbow, wrist, hip, knee or ankle, expected at least one frame of them"
+    )]
     Empty {
         /// The file.
         path: PathBuf,

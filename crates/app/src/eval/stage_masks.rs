@@ -62,7 +62,10 @@ pub fn evaluate(data: &Path, out: &Path) -> anyhow::Result<MaskReport> {
         }
     }
     if clips.is_empty() {
-        bail!("{}: no `rgb/CAMERA.mp4` beside `CAMERA/clean/` in it or below, expected a sequence with a colour clip", data.display());
+        bail!(
+            "{}: no `rgb/CAMERA.mp4` beside `CAMERA/clean/` in it or below, expected a sequence with a colour clip",
+            data.display()
+        );
     }
     let with_plate = || clips.iter().filter(|figures| figures.background == "plate");
     let report = MaskReport {
@@ -109,20 +112,31 @@ fn entries(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
-fn compare(clip: &Path, name: &'static str, background: Background, clean: &Path) -> anyhow::Result<ClipFigures> {
+fn compare(
+    clip: &Path,
+    name: &'static str,
+    background: Background,
+    clean: &Path,
+) -> anyhow::Result<ClipFigures> {
     let mut reader = ClipReader::open(&ClipInput::Frames(clip.to_owned(), background))?;
     let mut truth = MaskFolder::open(clean)?;
     let mut ious = Vec::new();
     while let Some(frame) = reader.next_frame()? {
         let Some(clean_mask) = truth.next_mask()? else {
-            bail!("{}: {} masks, expected one for each frame of {}", clean.display(), ious.len(), clip.display());
+            bail!(
+                "{}: {} masks, expected one for each frame of {}",
+                clean.display(),
+                ious.len(),
+                clip.display()
+            );
         };
         if !clean_mask.is_same_size(&frame.mask) {
             bail!("{}: masks of another size than the frames of {}", clean.display(), clip.display());
         }
         ious.push(frame.mask.iou(&clean_mask));
     }
-    let worst_frame = (0..ious.len()).min_by(|&a, &b| ious[a].total_cmp(&ious[b])).context("a clip without frames")?;
+    let worst_frame =
+        (0..ious.len()).min_by(|&a, &b| ious[a].total_cmp(&ious[b])).context("a clip without frames")?;
     Ok(ClipFigures {
         clip: clip.to_owned(),
         background: name,

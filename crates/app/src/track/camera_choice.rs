@@ -43,7 +43,10 @@ impl CameraChoice {
             Self::File(path) => {
                 let file = load_camera(path)?;
                 let camera = file.camera().with_context(|| {
-                    format!("{}: has no `rotation` and `translation_m`, expected where the camera stands", path.display())
+                    format!(
+                        "{}: has no `rotation` and `translation_m`, expected where the camera stands",
+                        path.display()
+                    )
                 })?;
                 let size = (camera.intrinsics().width, camera.intrinsics().height);
                 if size != (clip.width, clip.height) {

@@ -73,7 +73,9 @@ impl ClipReader {
                 let model: Box<dyn BackgroundModel> = match background {
                     Background::Plate(plate) => Box::new(read_plate(plate, geometry)?),
                     Background::Median => Box::new(learn_median(path, geometry)?),
-                    Background::Mixture => Box::new(MixtureModel::new(MixtureParams::new(MixtureConfig::default())?, geometry)),
+                    Background::Mixture => {
+                        Box::new(MixtureModel::new(MixtureParams::new(MixtureConfig::default())?, geometry))
+                    }
                 };
                 let params = SegmenterParams::new(SegmenterConfig::default())?;
                 let segmenter = Box::new(Segmenter::new(params, model));
@@ -95,9 +97,7 @@ impl ClipReader {
     pub fn next_frame(&mut self) -> anyhow::Result<Option<ClipFrame>> {
         let index = self.next;
         let frame = match &mut self.source {
-            Source::Masks(masks) => {
-                masks.next_mask()?.map(|mask| ClipFrame { index, picture: None, mask })
-            }
+            Source::Masks(masks) => masks.next_mask()?.map(|mask| ClipFrame { index, picture: None, mask }),
             Source::Frames { frames, segmenter } => {
                 let mut picture = RgbFrame::default();
                 if !frames.next_frame(&mut picture)? {

@@ -7,8 +7,8 @@ use body::{Body, Camera};
 use serde::{Deserialize, Serialize};
 use silhouette::Mask;
 
-use super::pose_model::PoseModel;
 use super::modes::{Modes, ModesState};
+use super::pose_model::PoseModel;
 use super::tracker::Scene;
 use crate::config::TrackParams;
 use crate::run_folder::{FrameRecord, Status};

@@ -56,7 +56,8 @@ pub fn mirror_limb(pose: &mut Pose, rest: &RestJoints, limb: &Limb, part: Part, 
 
     // The rotation of the ball joint that brings both segments to their directions.
     let lower_in_upper = joint_rotation(skeleton, limb.hinge, &pose.angles) * lower_rest;
-    let world_from_upper = frame_of(upper_world, lower_world) * frame_of(upper_rest, lower_in_upper).transpose();
+    let world_from_upper =
+        frame_of(upper_world, lower_world) * frame_of(upper_rest, lower_in_upper).transpose();
     let parent = limb.ball.parent().expect("an arm or leg hangs on the trunk");
     let world_from_parent = world_from_joint[parent.index()].matrix3;
     let parent_from_upper = DQuat::from_mat3(&(world_from_parent.transpose() * world_from_upper));

@@ -49,7 +49,12 @@ impl Modes {
     ///
     /// # Panics
     /// Without a mask, or when the first one is empty.
-    pub fn start(scene: &Scene, frame: u64, masks: &[Mask], heading_rad: Option<f64>) -> anyhow::Result<Self> {
+    pub fn start(
+        scene: &Scene,
+        frame: u64,
+        masks: &[Mask],
+        heading_rad: Option<f64>,
+    ) -> anyhow::Result<Self> {
         let trackers = Tracker::start(scene, frame, masks, heading_rad)?;
         let modes = trackers.into_iter().map(|(tracker, fit)| Mode { tracker, fit }).collect();
         Ok(Self { space: BodySpace::new(scene.model.clone()), modes })
@@ -66,9 +71,11 @@ impl Modes {
             state.trackers.len(),
             state.fits.len()
         );
-        let modes = state.trackers.into_iter().zip(state.fits).map(|(tracker, fit)| {
-            Ok(Mode { tracker: Tracker::resume(scene.clone(), tracker)?, fit })
-        });
+        let modes = state
+            .trackers
+            .into_iter()
+            .zip(state.fits)
+            .map(|(tracker, fit)| Ok(Mode { tracker: Tracker::resume(scene.clone(), tracker)?, fit }));
         let modes = modes.collect::<anyhow::Result<_>>()?;
         Ok(Self { space: BodySpace::new(scene.model.clone()), modes })
     }
@@ -99,7 +106,8 @@ impl Modes {
     /// # Errors
     /// Never for trackers that have started.
     pub fn coast(&mut self) -> anyhow::Result<FrameRecord> {
-        let records = self.modes.iter_mut().map(|mode| mode.tracker.coast()).collect::<anyhow::Result<_>>()?;
+        let records =
+            self.modes.iter_mut().map(|mode| mode.tracker.coast()).collect::<anyhow::Result<_>>()?;
         self.combine(records)
     }
 
@@ -110,13 +118,15 @@ impl Modes {
 
     /// One record of the modes' records: the best mode's, its pose replaced by the weighted mean of the poses.
     fn combine(&mut self, records: Vec<FrameRecord>) -> anyhow::Result<FrameRecord> {
-        let best = (0..records.len()).fold(0, |best, k| if self.modes[k].fit > self.modes[best].fit { k } else { best });
+        let best = (0..records.len())
+            .fold(0, |best, k| if self.modes[k].fit > self.modes[best].fit { k } else { best });
         let weights = self.weights(&records, best)?;
         let mut record = records[best].clone();
         if weights.as_slice()[best] == 1.0 {
             return Ok(record);
         }
-        let states: Vec<BodyState> = records.iter().map(|record| self.space.state_from_pose(&record.pose)).collect();
+        let states: Vec<BodyState> =
+            records.iter().map(|record| self.space.state_from_pose(&record.pose)).collect();
         let tracker = &mut self.modes[best].tracker;
         record.pose = self.space.pose(&weighted_mean(&self.space, &states, &weights));
         record.joints_world = tracker.joints_world(&record.pose);
@@ -141,11 +151,20 @@ impl Modes {
 }
 
 /// Standard deviation of each joint: within the modes, and between them.
-fn joint_sd_m(records: &[FrameRecord], weights: &NormalizedWeights, mean: &[DVec3; N_JOINTS]) -> [f64; N_JOINTS] {
+fn joint_sd_m(
+    records: &[FrameRecord],
+    weights: &NormalizedWeights,
+    mean: &[DVec3; N_JOINTS],
+) -> [f64; N_JOINTS] {
     std::array::from_fn(|joint| {
         let variance = |record: &FrameRecord| {
             record.joint_sd_m[joint].powi(2) + record.joints_world[joint].distance_squared(mean[joint])
         };
-        records.iter().zip(weights.as_slice()).map(|(record, weight)| weight * variance(record)).sum::<f64>().sqrt()
+        records
+            .iter()
+            .zip(weights.as_slice())
+            .map(|(record, weight)| weight * variance(record))
+            .sum::<f64>()
+            .sqrt()
     })
 }

@@ -5,7 +5,9 @@ use std::sync::Arc;
 use body::skin::LANES;
 use body::{Body, Camera, Pose};
 use rayon::prelude::*;
-use render_gpu::{CpuScorer, MaskView, MeshBatch, OverlapCounts, RowStep, ScoreError, SilhouetteScorer, TargetError};
+use render_gpu::{
+    CpuScorer, MaskView, MeshBatch, OverlapCounts, RowStep, ScoreError, SilhouetteScorer, TargetError,
+};
 use silhouette::Mask;
 
 /// Every second row is scored: at working resolution that changes the intersection over union by 0.0003 (root mean

@@ -102,7 +102,11 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
     }
     let range = job.frames.clone().unwrap_or(0..u64::MAX);
     if let Some(n_frames) = info.n_frames.filter(|n_frames| range.start >= *n_frames) {
-        bail!("{}: `frames` begins at {}, expected less than {n_frames}, their number", info.path.display(), range.start);
+        bail!(
+            "{}: `frames` begins at {}, expected less than {n_frames}, their number",
+            info.path.display(),
+            range.start
+        );
     }
     let mut assumptions = known.assumptions;
     if params.stature_m == TrackConfig::default().stature_m {
@@ -141,7 +145,12 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
         // Three things at once: this frame's poses, the pictures of the last one, and the mask of one to come.
         let (record, (written, read)) = rayon::join(
             || follower.step(index, &masks),
-            || rayon::join(|| unwritten.take().map_or(Ok(()), |last| last.write(&mut writer)), || window.reader.read()),
+            || {
+                rayon::join(
+                    || unwritten.take().map_or(Ok(()), |last| last.write(&mut writer)),
+                    || window.reader.read(),
+                )
+            },
         );
         written?;
         let record = record?;
@@ -164,7 +173,9 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
     if frames.is_empty() {
         return Err(match cut_short_by {
             Some(error) => error,
-            None => NobodyFound { input: info.path.display().to_string(), frames: window.reader.n_read }.into(),
+            None => {
+                NobodyFound { input: info.path.display().to_string(), frames: window.reader.n_read }.into()
+            }
         });
     }
     writer.finish(cut_short_by.as_ref().map(|error| format!("{error:#}")).as_deref())?;

@@ -68,7 +68,11 @@ impl FreeJoints {
             let is_clavicle = [JointId::LEFT_CLAVICLE, JointId::RIGHT_CLAVICLE].contains(&dof.joint);
             let least_sd = if is_clavicle { CLAVICLE_SD_RAD } else { widening.least_sd * range };
             covariance[(i, i)] += least_sd.powi(2);
-            step_sd.push(prior.step_covariance()[(RIGID_DIM + i, RIGID_DIM + i)].sqrt().max(widening.least_step * range));
+            step_sd.push(
+                prior.step_covariance()[(RIGID_DIM + i, RIGID_DIM + i)]
+                    .sqrt()
+                    .max(widening.least_step * range),
+            );
         }
         let precision = covariance.try_inverse().expect("the covariance of a prior is positive definite");
         Self { mean: prior.mean_rad().to_vec(), precision, step_sd, parts: joint_parts() }
@@ -165,7 +169,8 @@ impl JointComponents {
             DVector::from_iterator(N_DOF, prior.reconstruct(&unit).iter().zip(&mean).map(|(a, m)| a - m))
         };
         let basis = DMatrix::from_columns(&(0..k).map(column).collect::<Vec<_>>());
-        let inverse = (basis.transpose() * &basis).try_inverse().expect("components are independent") * basis.transpose();
+        let inverse = (basis.transpose() * &basis).try_inverse().expect("components are independent")
+            * basis.transpose();
         let steps = prior.step_covariance().view((RIGID_DIM, RIGID_DIM), (N_DOF, N_DOF));
         let latent_steps = &inverse * steps * inverse.transpose();
         let step_sd = latent_steps.diagonal().iter().map(|variance| variance.sqrt()).collect();

@@ -31,7 +31,9 @@ pub struct Placement {
 #[non_exhaustive]
 pub enum PlaceError {
     /// The distortion of the camera leads no ray to the person.
-    #[error("camera: `distortion` folds over before the pixel ({x_px:.0}, {y_px:.0}), the middle of the person")]
+    #[error(
+        "camera: `distortion` folds over before the pixel ({x_px:.0}, {y_px:.0}), the middle of the person"
+    )]
     NoRay {
         /// Pixel at working resolution.
         x_px: f64,
@@ -58,7 +60,8 @@ pub fn place_upright(
     heading_rad: f64,
 ) -> Result<Placement, PlaceError> {
     let middle_px = DVec2::from_array(mask.centroid_px().expect("somebody is on the mask"));
-    let ray = overlap.camera().ray(middle_px).ok_or(PlaceError::NoRay { x_px: middle_px.x, y_px: middle_px.y })?;
+    let ray =
+        overlap.camera().ray(middle_px).ok_or(PlaceError::NoRay { x_px: middle_px.x, y_px: middle_px.y })?;
     let log_ratio = (DISTANCES_M.end / DISTANCES_M.start).ln() / (N_DISTANCES - 1) as f64;
     let poses: Vec<Pose> = (0..N_DISTANCES)
         .map(|step| {
@@ -73,7 +76,8 @@ pub fn place_upright(
         .into_iter()
         .zip(ious)
         .map(|(pose, iou)| {
-            let floor_gap_m = lowest_sole_m(&overlap.body().joints_world(&pose), overlap.body().rest_joints());
+            let floor_gap_m =
+                lowest_sole_m(&overlap.body().joints_world(&pose), overlap.body().rest_joints());
             let score = iou - FLOOR_LOSS * (floor_gap_m / FLOOR_TOLERANCE_M).powi(2);
             Placement { pose, score }
         })

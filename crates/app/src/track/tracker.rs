@@ -103,7 +103,9 @@ impl Tracker {
         heading_rad: Option<f64>,
     ) -> anyhow::Result<Vec<(Self, f64)>> {
         let headings: Vec<f64> = match heading_rad {
-            Some(heading_rad) => GIVEN_HEADING_OFFSETS_RAD.iter().map(|offset| heading_rad + offset).collect(),
+            Some(heading_rad) => {
+                GIVEN_HEADING_OFFSETS_RAD.iter().map(|offset| heading_rad + offset).collect()
+            }
             None => (0..START_HEADINGS).map(|k| k as f64 * TAU / START_HEADINGS as f64).collect(),
         };
         let n_modes = scene.params.modes as usize;
@@ -269,9 +271,10 @@ impl Tracker {
         self.unseen = 0;
         self.likelihood.overlap.set_mask(mask)?;
         let figures = match self.filter.step(&observation, &mut self.likelihood, &mut ())? {
-            Step::Tracked(view) => view.layers.last().map(|last| {
-                (last.unique_ancestors as u64, view.log_evidence, last.max_log_likelihood)
-            }),
+            Step::Tracked(view) => view
+                .layers
+                .last()
+                .map(|last| (last.unique_ancestors as u64, view.log_evidence, last.max_log_likelihood)),
             Step::Lost(_) => None,
         };
         let mut estimate = self.estimate(Status::Tracked);
