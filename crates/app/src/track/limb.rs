@@ -142,18 +142,26 @@ mod tests {
     }
 
     #[test]
-    fn a_mirrored_limb_swaps_depth_and_keeps_its_place_in_the_image() {
-        for limb in [&LIMBS[1], &LIMBS[2]] {
-            let before = posed();
-            let mut after = before.clone();
-            mirror_limb(&mut after, &rest(), limb, Part::Whole, CAMERA);
-            let ([ball, hinge, end], [ball2, hinge2, end2]) = (ends(&before, limb), ends(&after, limb));
-            assert!(ball.distance(ball2) < 1e-9, "the ball joint stays");
-            for (a, b) in [(hinge, hinge2), (end, end2)] {
-                // The camera is 50 m away along y: depth is y, to a few millimetres.
-                assert!((a - b).with_y(0.0).length() < 0.02, "{limb:?}: {a} to {b}");
-                assert!(((a.y - ball.y) + (b.y - ball.y)).abs() < 0.02, "{limb:?}: {a} to {b}");
-            }
+    fn a_mirrored_arm_swaps_depth_and_keeps_its_place_in_the_image() {
+        let (before, limb) = (posed(), &LIMBS[1]);
+        let mut after = before.clone();
+        mirror_limb(&mut after, &rest(), limb, Part::Whole, CAMERA);
+        let ([ball, hinge, end], [ball2, hinge2, end2]) = (ends(&before, limb), ends(&after, limb));
+        assert!(ball.distance(ball2) < 1e-9, "the ball joint stays");
+        for (a, b) in [(hinge, hinge2), (end, end2)] {
+            // The camera is 50 m away along y: depth is y, to a few millimetres.
+            assert!((a - b).with_y(0.0).length() < 0.02, "{a} to {b}");
+            assert!(((a.y - ball.y) + (b.y - ball.y)).abs() < 0.02, "{a} to {b}");
+        }
+    }
+
+    /// The mirror image of a bent leg has a knee that bends forwards: it is approached within the limits.
+    #[test]
+    fn what_no_body_can_do_is_clamped() {
+        let mut pose = posed();
+        mirror_limb(&mut pose, &rest(), &LIMBS[2], Part::Whole, CAMERA);
+        for (angle, dof) in pose.angles.iter().zip(Skeleton::human().dofs()) {
+            assert!(angle.is_finite() && *angle == dof.clamp(*angle), "{}: {angle}", dof.name);
         }
     }
 
