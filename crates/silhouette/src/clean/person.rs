@@ -36,11 +36,9 @@ impl Default for PersonTrackerConfig {
 /// ```
 /// use silhouette::{Mask, clean::{PersonTracker, PersonTrackerConfig}};
 /// let mut tracker = PersonTracker::new(PersonTrackerConfig { minimum_share: 0.05, ..Default::default() });
-/// let start: Mask = "##......
-///                    ##......".parse()?;
+/// let start: Mask = "##......\n##......".parse()?;
 /// assert_eq!(tracker.follow(&start), start);
-/// let two: Mask = ".##..###
-///                  .##..###".parse()?;
+/// let two: Mask = ".##..###\n.##..###".parse()?;
 /// assert_eq!(tracker.follow(&two).to_string(), ".##.....\n.##.....\n");
 /// # Ok::<(), silhouette::mask::ParseMaskError>(())
 /// ```
