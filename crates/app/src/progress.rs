@@ -25,7 +25,8 @@ pub struct Progress {
 
 enum Display {
     Bar(ProgressBar),
-    Lines { last: Instant },
+    /// When the last line was printed, and how far the run had come then.
+    Lines { last: Instant, told: Option<u64> },
 }
 
 impl Progress {
@@ -39,7 +40,7 @@ impl Progress {
             bar.reset_eta();
             Display::Bar(bar)
         } else {
-            Display::Lines { last: now }
+            Display::Lines { last: now, told: None }
         };
         Self { what, total, done, first: done, started: now, display }
     }
@@ -49,9 +50,9 @@ impl Progress {
         self.done += 1;
         match &mut self.display {
             Display::Bar(bar) => bar.inc(1),
-            Display::Lines { last } => {
+            Display::Lines { last, told } => {
                 if last.elapsed() >= LINE_EVERY {
-                    *last = Instant::now();
+                    (*last, *told) = (Instant::now(), Some(self.done));
                     note(&self.line());
                 }
             }
@@ -80,7 +81,8 @@ impl Drop for Progress {
     fn drop(&mut self) {
         match &self.display {
             Display::Bar(bar) => bar.finish_and_clear(),
-            Display::Lines { .. } => note(&self.line()),
+            Display::Lines { told, .. } if *told != Some(self.done) => note(&self.line()),
+            Display::Lines { .. } => {}
         }
     }
 }

@@ -40,6 +40,7 @@ enum Command {
 
 /// Runs the program on the arguments of the process.
 pub fn main() -> ExitCode {
+    crate::input::hide_panics_that_become_errors();
     let result = match Cli::parse().command {
         Command::Demo(args) => demo::run(&args),
         Command::Track(args) => track::run(&args),

@@ -20,6 +20,7 @@ use folder::ImageFolder;
 use mp4::Mp4Video;
 
 pub use folder::{MaskFolder, natural_order, read_image};
+pub use mp4::hide_panics_that_become_errors;
 pub use prefetch::Prefetch;
 
 /// One colour picture: 8-bit RGB, row by row from the top, [height][width][3].

@@ -1,9 +1,10 @@
 //! MP4 files with H.264, decoded in memory-safe Rust.
 
+use std::cell::Cell;
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
 use std::io::{BufReader, Read as _, Seek as _, SeekFrom};
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{self, AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use anyhow::{Context as _, anyhow, ensure};
@@ -198,8 +199,25 @@ fn read_index(file: &mut BufReader<File>) -> anyhow::Result<re_mp4::Mp4> {
     }
     file.seek(SeekFrom::Start(0))?;
     // The parser indexes its tables unchecked: a damaged table ends in a panic there, here in an error.
+    TURNS_PANICS_INTO_ERRORS.set(true);
     let parsed = catch_unwind(AssertUnwindSafe(|| re_mp4::Mp4::read(&mut *file, intact)));
+    TURNS_PANICS_INTO_ERRORS.set(false);
     Ok(parsed.map_err(|_| anyhow!("its tables contradict each other"))??)
+}
+
+thread_local! {
+    /// Whether a panic of this thread is about to become an error.
+    static TURNS_PANICS_INTO_ERRORS: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Keeps the texts of panics that become errors off the screen. For the start of a program: the hook is one for all.
+pub fn hide_panics_that_become_errors() {
+    let usual = panic::take_hook();
+    panic::set_hook(Box::new(move |info| {
+        if !TURNS_PANICS_INTO_ERRORS.get() {
+            usual(info);
+        }
+    }));
 }
 
 /// Frames over the time from the first to the last, in frames a second.

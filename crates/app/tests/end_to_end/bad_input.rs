@@ -1,0 +1,216 @@
+//! Input that cannot be used: one message with file, field, value and what was expected, and a documented exit status.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use image::{GrayImage, RgbImage};
+
+use crate::support::{
+    Answer, CAMERA, Clip, HEIGHT, QUICK, WIDTH, assert_same_contents, contents, fixtures, nobody, table, umbra, video,
+};
+
+/// `umbra track` on a video or folder of frames, with an assumed camera.
+fn track_frames(input: &Path, out: &Path) -> Command {
+    let mut command = umbra();
+    command.arg("track").arg(input).args(["--focal-px", "420"]).args(QUICK).arg("--out").arg(out);
+    command
+}
+
+/// The clip with its camera file changed: every `from` becomes `to`.
+fn with_camera(from: &str, to: &str) -> Clip {
+    let clip = Clip::of_balance(1);
+    assert!(CAMERA.contains(from));
+    clip.write("camera.toml", CAMERA.replace(from, to));
+    clip
+}
+
+#[test]
+fn exit_statuses_are_documented() {
+    let help = Answer::of(umbra().arg("--help")).succeeded();
+    for part in ["0 done", "1 the input", "2 the command line", "3 no frame shows a person", "4 the results"] {
+        assert!(help.stdout.contains(part), "{part:?} is missing:\n{}", help.stdout);
+    }
+}
+
+#[test]
+fn missing_and_unreadable_files() {
+    let clip = Clip::of_balance(1);
+    let missing = |path: &str| clip.path(path).display().to_string();
+    Answer::of(&mut track_frames(&clip.path("no.mp4"), &clip.path("run"))).failed(1, &[&missing("no.mp4"), "cannot open"]);
+    Answer::of(&mut clip.track_input("no-folder", "run")).failed(1, &[&missing("no-folder"), "cannot open"]);
+    Answer::of(umbra().arg("info").arg(clip.path("no-run"))).failed(1, &[&missing("no-run"), "expected a run folder"]);
+
+    let no_camera = ["--camera", &missing("no.toml")];
+    let mut track = umbra();
+    track.arg("track").arg(clip.path("masks")).arg("--masks").args(no_camera).arg("--out").arg(clip.path("run"));
+    Answer::of(&mut track).failed(1, &[&missing("no.toml"), "cannot read the file"]);
+
+    clip.paint_frames("png");
+    let mut track = clip.track_input("frames", "run");
+    track.arg("--background").arg(clip.path("no.png"));
+    Answer::of(&mut track).failed(1, &[&missing("no.png"), "cannot read the image"]);
+    Answer::of(clip.track("run").args(["--config", &missing("no-settings.toml")])).failed(1, &[&missing("no-settings.toml")]);
+
+    clip.write("frames/0000.png", "no picture");
+    Answer::of(&mut track_frames(&clip.path("frames"), &clip.path("run"))).failed(1, &["0000.png", "cannot read the image"]);
+    assert!(!clip.path("run").exists(), "nothing was begun");
+}
+
+/// Byte of `clip.mp4`, and the value that makes its tables contradict each other.
+const DAMAGE: (usize, u8) = (0, 0);
+
+#[test]
+fn a_truncated_video_is_tracked_as_far_as_it_goes() {
+    let clip = Clip::of_balance(0);
+    let whole = fs::read(video("walker.mp4")).expect("a video");
+    let cut = clip.write("cut.mp4", &whole[..whole.len() * 6 / 10]);
+    Answer::of(&mut clip.track_input(&cut, "run")).failed(1, &["frames, which are kept", "cut.mp4: frame ", "the file ends at byte"]);
+    let rows = table(&clip.path("run/poses.csv"));
+    assert!((5..20).contains(&rows.len()), "{} frames", rows.len());
+    let info = Answer::of(umbra().arg("info").arg(clip.path("run"))).succeeded();
+    assert!(info.stdout.contains("cut short: ") && info.stdout.contains("cut.mp4"), "{}", info.stdout);
+    assert!(clip.path("run/run.mcap").is_file() && clip.path("run/filmstrip.png").is_file());
+}
+
+#[test]
+fn no_frames() {
+    let clip = Clip::of_balance(0);
+    fs::create_dir(clip.path("frames")).expect("a folder");
+    Answer::of(&mut clip.track("run")).failed(1, &["masks: holds 0 frames, expected files *.png"]);
+    Answer::of(&mut clip.track_input("frames", "run")).failed(1, &["frames: holds 0 frames, expected files *.png, *.jpg, *.jpeg"]);
+    let clip = Clip::of_balance(2);
+    Answer::of(clip.track("run").args(["--frames", "2..9"])).failed(1, &["masks: `frames` begins at 2, expected less than 2"]);
+    assert!(!clip.path("run").exists(), "nothing was begun");
+}
+
+#[test]
+fn frames_of_changing_size_end_a_run_that_is_kept() {
+    let clip = Clip::of_balance(6);
+    GrayImage::new(WIDTH + 1, HEIGHT).save(clip.path("masks/0004.png")).expect("a mask can be written");
+    let expected = ["4 frames, which are kept", "0004.png: is 273x480, expected 272x480 as the first frame"];
+    Answer::of(&mut clip.track("run")).failed(1, &expected);
+    assert_eq!(table(&clip.path("run/poses.csv")).len(), 4);
+}
+
+#[test]
+fn a_plate_of_another_size() {
+    let clip = Clip::of_balance(1);
+    clip.paint_frames("png");
+    RgbImage::new(WIDTH, 479).save(clip.path("plate.png")).expect("a plate can be written");
+    let mut track = clip.track_input("frames", "run");
+    track.arg("--background").arg(clip.path("plate.png"));
+    Answer::of(&mut track).failed(1, &["plate.png: the background has 272 x 479 pixels, expected 272 x 480"]);
+}
+
+#[test]
+fn cameras_that_cannot_be() {
+    for (from, to, parts) in [
+        ("[272, 480]", "[270, 480]", &["`image_size` is 270 x 480, expected 272 x 480"][..]),
+        ("[0.829049219, 0.418270777, -0.371115817]", "[0.0, 0.0, 0.0]", &["`rotation`", "expected"]),
+        ("fps = 60.0", "fps = nan", &["`fps`", "NaN", "expected"]),
+        ("[418.80875, 418.80106]", "[nan, 418.8]", &["`focal_px", "NaN", "expected"]),
+        ("[418.80875, 418.80106]", "[-418.8, 418.8]", &["`focal_px`", "-418.8", "expected"]),
+        ("translation_m = ", "translation = ", &["translation_m"]),
+        ("focal_px = [418.80875, 418.80106]\n", "", &["`focal_px`"]),
+        ("image_size = [272, 480]", "image_size = [272, 480", &["is not valid TOML"]),
+    ] {
+        let clip = with_camera(from, to);
+        Answer::of(&mut clip.track("run")).failed(1, &[&["camera.toml: "], parts].concat());
+        assert!(!clip.path("run").exists(), "nothing was begun");
+    }
+    let clip = Clip::of_balance(1);
+    for (option, value) in [("--focal-px", "0"), ("--focal-px", "nan"), ("--fov-deg", "180")] {
+        let mut track = umbra();
+        track.arg("track").arg(clip.path("masks")).args(["--masks", option, value]).arg("--out").arg(clip.path("run"));
+        let shown = if value == "nan" { "NaN" } else { value };
+        Answer::of(&mut track).failed(1, &[&format!("`{option}` is {shown}"), "expected"]);
+    }
+    let mut track = umbra();
+    Answer::of(track.arg("track").arg(clip.path("masks")).arg("--masks").arg("--out").arg(clip.path("run")))
+        .failed(1, &["no camera", "--camera FILE", "--focal-px", "--fov-deg"]);
+}
+
+#[test]
+fn settings_out_of_range() {
+    let clip = Clip::of_balance(1);
+    let bad_file = |name: &str, text: &str, parts: &[&str]| {
+        let settings = clip.write(name, text);
+        Answer::of(clip.track("run").arg("--config").arg(settings)).failed(1, parts);
+    };
+    bad_file("nan.toml", "sharpness = nan", &["`sharpness` is NaN, expected 1 to 10000"]);
+    bad_file("wide.toml", "stature_m = 5.0", &["`stature_m` is 5, expected 1.2 to 2.3 metres"]);
+    bad_file("name.toml", "sharpnes = 3.0", &["name.toml", "sharpnes", "sharpness"]);
+    bad_file("text.toml", "sharpness", &["text.toml"]);
+
+    let with = |option: &str, value: &str| {
+        let mut track = umbra();
+        track.arg("track").arg(clip.path("masks")).args(["--masks", "--focal-px", "420", option, value]);
+        Answer::of(track.arg("--out").arg(clip.path("run")))
+    };
+    with("--particles", "1").failed(1, &["`particles` is 1, expected 2 to 100000"]);
+    with("--stature-m", "5").failed(1, &["`stature_m` is 5, expected 1.2 to 2.3 metres"]);
+    with("--initial-heading-deg", "-361").failed(1, &["`initial_heading_deg` is -361, expected -360 to 360 degrees"]);
+    with("--fps", "0").failed(1, &["`fps` is 0, expected a number above 0"]);
+    with("--threads", "0").failed(1, &["`--threads` is 0, expected 1 or more"]);
+    with("--frames", "5..3").failed(2, &["'5..3'", "--frames", "with A below B"]);
+    with("--motion", "dance").failed(2, &["'dance'", "--motion", "any, captured"]);
+    with("--particles", "many").failed(2, &["'many'", "--particles"]);
+    Answer::of(umbra().arg("dance")).failed(2, &["'dance'"]);
+    assert!(!clip.path("run").exists(), "nothing was begun");
+}
+
+#[test]
+fn nobody_on_any_frame() {
+    let clip = Clip::of_masks(&[nobody(), nobody(), nobody()]);
+    Answer::of(&mut clip.track("run")).failed(3, &["masks: none of the 3 frames shows a person"]);
+}
+
+#[test]
+fn output_folders_in_use() {
+    let clip = Clip::of_balance(1);
+    fs::create_dir(clip.path("notes")).expect("a folder");
+    let note = clip.write("notes/note.txt", "mine");
+    for how in [&[][..], &["--force"], &["--resume"]] {
+        Answer::of(clip.track("notes").args(how)).failed(1, &["notes: holds other files than a run, expected a new or empty folder"]);
+    }
+    Answer::of(&mut clip.track("masks")).failed(1, &["masks: holds other files"]);
+    Answer::of(&mut clip.track("notes/note.txt")).failed(1, &["note.txt: cannot use it as a run folder"]);
+    assert_eq!(fs::read_to_string(&note).expect("the note"), "mine");
+    assert_eq!(contents(&clip.path("notes")).len(), 1);
+}
+
+/// No file may grow past the limit, as on a disk that is full.
+#[cfg(unix)]
+#[test]
+fn a_full_disk_loses_nothing() {
+    let clip = Clip::of_balance(14);
+    let whole = clip.path("whole");
+    Answer::of(&mut clip.track("whole")).succeeded();
+    let track = clip.track("run");
+    // The least unit of a limit is 512 bytes or 1 KiB, as the shell has it: the journal or an overlay is the first past it.
+    let mut limited = Command::new("sh");
+    limited.args(["-c", "trap '' XFSZ; ulimit -f 64; exec \"$@\"", "sh"]).arg(track.get_program()).args(track.get_args());
+    Answer::of(&mut limited).failed(4, &["run/", ": cannot write the file: "]);
+    let kept: Vec<PathBuf> = contents(&clip.path("run")).into_keys().collect();
+    assert!(kept.iter().all(|name| !name.to_string_lossy().ends_with(".part")), "{kept:?}");
+
+    let info = Answer::of(umbra().arg("info").arg(clip.path("run"))).succeeded();
+    assert!(info.stdout.contains("track again with --resume"), "{}", info.stdout);
+    Answer::of(clip.track("run").arg("--resume")).succeeded();
+    assert_same_contents(&whole, &clip.path("run"));
+}
+
+#[test]
+fn evaluation_without_its_data() {
+    let folder = tempfile::tempdir().expect("a folder for a test");
+    let eval = |data: &Path| {
+        let mut command = umbra();
+        command.args(["eval", "real", "--seeds", "1", "--data"]).arg(data).arg("--out").arg(folder.path().join("eval"));
+        Answer::of(&mut command)
+    };
+    eval(&folder.path().join("none")).failed(1, &["joints3d.csv"]);
+    fs::copy(fixtures().join("balance/joints3d.csv"), folder.path().join("joints3d.csv")).expect("a copy");
+    eval(folder.path()).failed(1, &["video.mp4"]);
+    Answer::of(umbra().args(["eval", "real", "--seeds", "0"])).failed(2, &["--seeds"]);
+}
