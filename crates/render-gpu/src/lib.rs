@@ -33,13 +33,13 @@
 
 mod camera;
 mod clip;
-#[cfg(feature = "conformance")]
+#[cfg(any(test, feature = "conformance"))]
 pub mod conformance;
 mod cpu;
 mod exact;
 mod project;
 mod raster;
-#[cfg(feature = "conformance")]
+#[cfg(any(test, feature = "conformance"))]
 mod reference;
 mod rows;
 mod scorer;
@@ -49,8 +49,12 @@ pub use camera::{CameraError, Intrinsics, MAX_IMAGE_SIDE};
 pub use cpu::CpuScorer;
 pub use project::NEAR_M;
 pub use raster::{RasterizeError, Silhouette, rasterize};
-#[cfg(feature = "conformance")]
+#[cfg(any(test, feature = "conformance"))]
 pub use reference::ReferenceScorer;
 pub use rows::{BadRowStep, RowStep};
 pub use scorer::{MaskView, MeshBatch, OverlapCounts, ScoreError, SilhouetteScorer, TargetError};
 pub use topology::TopologyError;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeExamples;

@@ -158,3 +158,89 @@ fn slope_turns(k1: f64, k2: f64, k3: f64) -> impl Iterator<Item = f64> {
     turns.sort_by(f64::total_cmp);
     turns.into_iter().filter(|&turn| turn > 0.0 && turn <= MAX_REACH)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera(distortion: [f64; 5]) -> Intrinsics {
+        Intrinsics {
+            focal_px: [610.0, 590.0],
+            principal_point_px: [322.5, 241.25],
+            distortion,
+            ..Intrinsics::centred(640, 480, 1.0)
+        }
+    }
+
+    #[test]
+    fn lens_distortion_is_that_of_opencv() {
+        // Pixels worked out in double precision with a separate program.
+        let projector = Projector::new(&camera([-0.28, 0.09, 0.0015, -0.0025, 0.012]));
+        for (point, [u, v]) in [
+            ([0.3, -0.2, 1.5], [442.304_336_595, 163.993_434_812]),
+            ([-0.8, 0.6, 2.0], [93.072_9, 407.623_362_5]),
+            ([1.0, 0.9, 1.8], [617.322_473_616, 499.126_542_076]),
+        ] {
+            let expected = [u - 320.0, v - 240.0].map(|pixels: f64| (16.0 * pixels).round() as i32);
+            assert_eq!(projector.snap_one(point), expected, "{point:?}");
+        }
+    }
+
+    #[test]
+    fn points_outside_the_view_stay_outside() {
+        // With k1 = -0.3 the polynomial turns back at r² = 1 / 0.9 and would put r² = 1 / 0.3 in the middle of the image.
+        assert!((reach(-0.3, 0.0, 0.0) - 1.0 / 0.9).abs() < 1e-12);
+        for distortion in
+            [[-0.3, 0.0, 0.0, 0.0, 0.0], [-0.3, 0.0, 0.002, -0.003, 0.0], [0.1, -0.4, 0.0, 0.0, 0.05]]
+        {
+            let projector = Projector::new(&camera(distortion));
+            let mut last = 0;
+            for step in 1..400 {
+                let [x, _] = projector.snap_one([0.05 * step as f32, 0.0, 1.0]);
+                assert!(x > last, "{distortion:?}: step {step} is at {x} after {last}");
+                last = x;
+            }
+        }
+    }
+
+    #[test]
+    fn the_reach_of_a_lens_is_where_its_slope_first_falls_to_zero() {
+        for k in [
+            [-0.3, 0.0, 0.0],
+            [0.2, -0.3, 0.0],
+            [0.0, 0.0, -0.01],
+            [-0.5, 0.2, -0.05],
+            [0.1, 0.1, 0.1],
+            [-0.6, 0.3, 0.0],
+        ] {
+            let slope = |u: f64| 1.0 + 3.0 * k[0] * u + 5.0 * k[1] * u * u + 7.0 * k[2] * u.powi(3);
+            let by_search = (0..160_000).map(|i| f64::from(i) * 1e-4).find(|&u| slope(u) <= 0.0);
+            let expected = by_search.unwrap_or(MAX_REACH);
+            assert!((reach(k[0], k[1], k[2]) - expected).abs() < 2e-4, "{k:?}: expected {expected}");
+        }
+    }
+
+    #[test]
+    fn coordinates_round_to_sixteenths_with_ties_to_even() {
+        let projector = Projector::new(&Intrinsics::centred(640, 480, 100.0));
+        let snapped = |sixteenths: f32| projector.snap_one([sixteenths / 1600.0, 0.0, 1.0])[0];
+        assert_eq!([0.0, 0.499, 0.501, -0.499, -0.501, 7.25].map(snapped), [0, 0, 1, 0, -1, 7]);
+        let halves = Projector::new(&Intrinsics::centred(640, 480, 128.0));
+        let snapped = |sixteenths: f32| halves.snap_one([sixteenths / 2048.0, 0.0, 1.0])[0];
+        assert_eq!([0.5, 1.5, 2.5, -0.5, -1.5].map(snapped), [0, 2, 2, 0, -2]);
+    }
+
+    #[test]
+    fn far_coordinates_end_at_the_limit() {
+        let projector = Projector::new(&Intrinsics::centred(640, 480, 1000.0));
+        assert_eq!(projector.snap_one([1e30, -1e30, NEAR_M]), [1 << 22, -(1 << 22)]);
+    }
+
+    #[test]
+    fn the_last_vertex_fills_the_last_eight() {
+        let positions: Vec<[f32; 3]> =
+            (0..11).map(|i| [i as f32, 10.0 * i as f32, 100.0 * i as f32]).collect();
+        assert_eq!(load(&positions, 0)[1].to_array(), [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0]);
+        assert_eq!(load(&positions, 8)[2].to_array(), [800.0, 900.0, 1e3, 1e3, 1e3, 1e3, 1e3, 1e3]);
+    }
+}

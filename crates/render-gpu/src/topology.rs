@@ -88,3 +88,46 @@ pub(crate) fn check_vertices(triangles: &[[u32; 3]], count: usize) -> Result<(),
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TETRAHEDRON: [[u32; 3]; 4] = [[0, 1, 2], [1, 0, 3], [2, 1, 3], [0, 2, 3]];
+
+    #[test]
+    fn each_edge_has_a_triangle_on_either_side() {
+        let topology = Topology::new(&TETRAHEDRON, 4).expect("a tetrahedron is closed");
+        assert_eq!(topology.edges.len(), 6);
+        let runs = |triangle: u32, from, to| {
+            let corners = TETRAHEDRON[triangle as usize];
+            (0..3).any(|i| (corners[i], corners[(i + 1) % 3]) == (from, to))
+        };
+        for Edge { from, to, left, right } in topology.edges {
+            assert!(runs(left, from, to) && runs(right, to, from), "edge from {from} to {to}");
+        }
+    }
+
+    #[test]
+    fn several_sheets_may_meet_in_an_edge() {
+        // Two tetrahedra that share the edge from 0 to 1.
+        let mut triangles = TETRAHEDRON.to_vec();
+        triangles.extend(TETRAHEDRON.map(|corners| corners.map(|v| if v < 2 { v } else { v + 2 })));
+        assert_eq!(Topology::new(&triangles, 6).expect("both are closed").edges.len(), 12);
+    }
+
+    #[test]
+    fn holes_and_turned_triangles_are_named() {
+        let hole = Topology::new(&TETRAHEDRON[..3], 4).expect_err("a side is missing");
+        assert_eq!(hole, TopologyError::OpenEdge { from: 0, to: 3 });
+        assert_eq!(
+            hole.to_string(),
+            "the edge from vertex 0 to 3 is not met by one in the other direction: \
+             the mesh is open or inconsistently oriented there"
+        );
+        let turned = [[0, 1, 2], [1, 0, 3], [1, 2, 3], [0, 2, 3]];
+        assert!(matches!(Topology::new(&turned, 4), Err(TopologyError::OpenEdge { .. })));
+        let stray = Topology::new(&TETRAHEDRON, 3).expect_err("there is no vertex 3");
+        assert_eq!(stray, TopologyError::VertexOutOfRange { triangle: 1, vertex: 3, count: 3 });
+    }
+}

@@ -78,9 +78,7 @@ impl Crossings {
     /// Adds an edge of the outline.
     #[inline(always)]
     pub fn add(&mut self, edge: OutlineEdge, lines: &ScanLines, origin_column: i32) {
-        // The inside is on the left of the edge: going down the screen it enters, seen from left to right.
-        let down = edge.to[1] > edge.from[1];
-        let ([x0, y0], [x1, y1]) = if down { (edge.from, edge.to) } else { (edge.to, edge.from) };
+        let ([x0, y0], [x1, y1]) = (edge.top, edge.bottom);
         let (first, end) = (lines.at_or_below(y0), lines.at_or_below(y1));
         if first == end {
             return;
@@ -93,7 +91,7 @@ impl Crossings {
             lines: [first as u32, end as u32],
             column: fixed_from_subpixels(x_at_first + origin) + (1 << FRACTION_BITS) - MARGIN,
             step: fixed_from_subpixels(slope * f64::from(1 << lines.pitch_log2)),
-            leaves: if down { 0 } else { LEAVES },
+            leaves: if edge.enters { 0 } else { LEAVES },
         });
     }
 
@@ -177,4 +175,46 @@ fn fixed_from_subpixels(subpixels: f64) -> i64 {
     const SCALE: f64 = (1_i64 << FRACTION_BITS) as f64 / SUBPIXELS as f64;
     const ROUNDER: f64 = 1.5 * (1_i64 << 52) as f64;
     (subpixels * SCALE + ROUNDER).to_bits().wrapping_sub(ROUNDER.to_bits()) as i64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rows::RowStep;
+
+    #[test]
+    fn walks_are_exact_on_the_longest_and_flattest_edges() {
+        let max = i32::from(i16::MAX) / 2;
+        let edges = [
+            ([-max, -max], [max, max]),
+            ([max, -max], [-max, max - 1]),
+            ([-max, 7], [max, 9]),
+            ([max, 8], [-max, 9]),
+            ([-max, -max], [1 - max, max]),
+            ([8, -max], [8, max]),
+            ([0, -max], [max - 3, max - 1]),
+            ([5, -321], [-77, 1000]),
+        ];
+        for step in [1, 2, 16] {
+            let lines = ScanLines::new(2100, RowStep::new(step).expect("a power of two"), 1050);
+            for (top, bottom) in edges {
+                let mut crossings = Crossings::default();
+                crossings.add(OutlineEdge { top, bottom, enters: true }, &lines, 0);
+                let Some(&walk) = crossings.walks.first() else {
+                    assert!((top[1]..bottom[1]).all(|y| (0..lines.n).all(|line| lines.y(line) != y)));
+                    continue;
+                };
+                let mut column = walk.column;
+                for line in walk.lines[0]..walk.lines[1] {
+                    // By exact division: the first c with 16 c + 8 >= x.
+                    let (dx, dy) = (i64::from(bottom[0] - top[0]), i64::from(bottom[1] - top[1]));
+                    let down = i64::from(lines.y(line as usize) - top[1]);
+                    let numerator = i64::from(top[0] - 8) * dy + down * dx;
+                    let expected = -(-numerator).div_euclid(16 * dy);
+                    assert_eq!(column >> FRACTION_BITS, expected, "from {top:?} to {bottom:?}, line {line}");
+                    column = column.wrapping_add(walk.step);
+                }
+            }
+        }
+    }
 }

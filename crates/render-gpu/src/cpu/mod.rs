@@ -204,3 +204,48 @@ impl Worker {
         Ok(counts)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conformance::{Case, cases};
+
+    /// How many meshes of a case the contour path counts, and that its counts are those of the plain path.
+    fn counted_by_contour(case: &Case) -> usize {
+        let mut scorer = CpuScorer::new();
+        let counts = case.counts(&mut scorer).unwrap_or_else(|failure| panic!("{failure}"));
+        let (target, projector) = scorer.target.as_ref().expect("the target is set");
+        let scene = Scene {
+            target,
+            projector,
+            topology: &scorer.topology,
+            sweeper: &scorer.sweeper,
+            lines: ScanLines::new(target.height, scorer.row_step, projector.origin[1]),
+            observed: target.observed(scorer.row_step),
+        };
+        let worker = &mut scorer.workers[0];
+        let mut by_contour = 0;
+        for (mesh, counts) in case.meshes.iter().zip(counts) {
+            let plain = worker.count_plainly(&scene, &mesh.positions).expect("the mesh is finite");
+            assert_eq!(plain, [counts.rendered, counts.both], "{}", case.name);
+            worker.outlines.set(scene.topology, projector, &mesh.positions);
+            let bounds = worker.outlines.bounds(0);
+            by_contour += usize::from(bounds.is_some_and(|bounds| worker.count(&scene, 0, bounds).is_ok()));
+        }
+        by_contour
+    }
+
+    #[test]
+    fn only_odd_meshes_take_the_plain_path() {
+        for case in cases() {
+            let plain = match case.name {
+                "behind the camera" | "around the camera" | "through the near plane" => 2,
+                "far beyond the range of snapped coordinates" | "a wall from far left to far right" => 2,
+                "more layers than there is room for"
+                | "an image wider than the range of packed coordinates" => 1,
+                _ => 0,
+            };
+            assert_eq!(counted_by_contour(&case), case.meshes.len() - plain, "{}", case.name);
+        }
+    }
+}

@@ -21,11 +21,13 @@ pub(super) struct Bounds {
     pub high: Snapped,
 }
 
-/// An edge of the outline of a mesh; the inside lies on the left of the way from `from` to `to`.
+/// An edge of the outline of a mesh.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct OutlineEdge {
-    pub from: Snapped,
-    pub to: Snapped,
+    pub top: Snapped,
+    pub bottom: Snapped,
+    /// Whether the silhouette begins here, seen from left to right.
+    pub enters: bool,
 }
 
 /// The outlines of up to eight meshes of one topology; keeps its memory.
@@ -69,13 +71,12 @@ impl Outlines {
             while on_outline != 0 {
                 let edge = &edges[on_outline.trailing_zeros() as usize];
                 on_outline &= on_outline - 1;
-                let [from, to] = [edge.from, edge.to].map(|vertex| unpack(vertices[vertex as usize]));
+                let [from, to] = [edge.from, edge.to].map(|vertex| vertices[vertex as usize]);
+                // Packed vertices sort by y, then by x.
+                let (top, bottom) = (unpack(from.min(to)), unpack(from.max(to)));
+                // A front triangle turns left, so that it lies left of its edges: it begins at those that go down.
                 let left_is_front = self.turns_left[edge.left as usize] >> mesh & 1 == 1;
-                visit(if left_is_front {
-                    OutlineEdge { from, to }
-                } else {
-                    OutlineEdge { from: to, to: from }
-                });
+                visit(OutlineEdge { top, bottom, enters: left_is_front == (from < to) });
             }
         }
     }
@@ -127,9 +128,10 @@ fn snap(projector: &Projector, positions: &[[f32; 3]], packed: &mut Vec<i32x8>) 
     for first in (0..positions.len()).step_by(8) {
         let points = load(positions, first);
         let [x, y] = projector.project(points);
-        // Comparisons are false for NaN.
-        fits =
-            fits & points[2].simd_ge(f32x8::splat(NEAR_M)) & x.abs().simd_le(range) & y.abs().simd_le(range);
+        // Comparisons are false for NaN. An infinite depth would project to the middle of the image.
+        let depth_fits =
+            points[2].simd_ge(f32x8::splat(NEAR_M)) & points[2].simd_lt(f32x8::splat(f32::INFINITY));
+        fits = fits & depth_fits & x.abs().simd_le(range) & y.abs().simd_le(range);
         for (axis, coordinate) in [x, y].into_iter().enumerate() {
             low[axis] = low[axis].fast_min(coordinate);
             high[axis] = high[axis].fast_max(coordinate);
@@ -169,4 +171,37 @@ fn transpose_bits(mut rows: u64) -> u64 {
         rows ^= swap ^ (swap << shift);
     }
     rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bits_are_transposed() {
+        for row in 0..8 {
+            for column in 0..8 {
+                assert_eq!(transpose_bits(1 << (8 * row + column)), 1 << (8 * column + row));
+            }
+        }
+    }
+
+    #[test]
+    fn packed_vectors_turn_as_plain_ones() {
+        let pack = |[x, y]: [i32; 2]| cast::<i32x8, i16x16>(i32x8::splat(y << 16 | x & 0xffff));
+        let end = MAX_SNAPPED;
+        for u in [[1, 0], [0, 1], [-3, 7], [end, end], [-end, end], [end, -end], [-end, -end]] {
+            for v in [[0, 1], [5, -2], [end, -end], [-end, end], [-end, -end], [end, end], [0, 0]] {
+                let expected = u[0] * v[1] - u[1] * v[0];
+                assert_eq!(turn(pack(u), pack(v)).to_array(), [expected; 8], "{u:?} x {v:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn vertices_survive_packing() {
+        for point in [[0, 0], [1, -1], [-MAX_SNAPPED, MAX_SNAPPED], [MAX_SNAPPED, -MAX_SNAPPED]] {
+            assert_eq!(unpack(point[1] << 16 | point[0] & 0xffff), point);
+        }
+    }
 }

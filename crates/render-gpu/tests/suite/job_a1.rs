@@ -1,9 +1,6 @@
 //! The 200 posed bodies of the benchmark data: equal counts, and the intersection over union of an outside rasteriser.
 
-#[path = "../benches/job_a1.rs"]
-mod job_a1;
-
-use job_a1::JobA1;
+use crate::data::JobA1;
 use render_gpu::{CpuScorer, OverlapCounts, ReferenceScorer, SilhouetteScorer};
 
 fn counts(scorer: &mut dyn SilhouetteScorer, job: &JobA1) -> Vec<OverlapCounts> {
