@@ -37,14 +37,17 @@ impl Canvas {
                 let source = &picture.pixels[source * row_bytes..][..row_bytes];
                 sums.iter_mut().zip(source).for_each(|(sum, &value)| *sum += u32::from(value));
             }
-            for (pixel, columns) in row.chunks_exact_mut(3).zip(&columns) {
+            let sums: &[[u32; 3]] = sums.as_chunks().0;
+            for (pixel, columns) in row.as_chunks_mut().0.iter_mut().zip(&columns) {
                 let share = 1.0 / (columns.len() * rows.len()) as f32;
-                let sums = &sums[3 * columns.start..3 * columns.end];
-                let mut total = [0; 3];
-                for sum in sums.chunks_exact(3) {
-                    total = [total[0] + sum[0], total[1] + sum[1], total[2] + sum[2]];
+                let [mut red, mut green, mut blue] = [0; 3];
+                for sum in &sums[columns.clone()] {
+                    red += sum[0];
+                    green += sum[1];
+                    blue += sum[2];
                 }
-                pixel.copy_from_slice(&total.map(|total| (total as f32 * share + 0.5) as u8));
+                let mean = |sum: u32| (sum as f32 * share + 0.5) as u8;
+                *pixel = [mean(red), mean(green), mean(blue)];
             }
         }
         canvas
@@ -71,10 +74,10 @@ impl Canvas {
         if !(0..width).contains(&x) || !(0..height).contains(&y) {
             return;
         }
-        let at = 3 * (y * width + x) as usize;
-        for (value, color) in self.frame.pixels[at..at + 3].iter_mut().zip(color) {
+        let pixels: &mut [[u8; 3]] = self.frame.pixels.as_chunks_mut().0;
+        for (value, color) in pixels[(y * width + x) as usize].iter_mut().zip(color) {
             let (below, above) = (f32::from(*value), f32::from(color));
-            *value = (below + (above - below) * opacity).round() as u8;
+            *value = (below + (above - below) * opacity + 0.5) as u8;
         }
     }
 

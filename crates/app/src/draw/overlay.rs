@@ -26,7 +26,7 @@ pub struct OverlayScene<'a> {
     pub mask: &'a Mask,
     /// The posed body.
     pub mesh: SeenMesh<'a>,
-    /// Joints, [n_joints], pixels; NaN where the camera does not see one.
+    /// Joints, `[n_joints]`, pixels; NaN where the camera does not see one.
     pub joints: &'a [[f32; 2]],
     /// Pairs of joints that a bone connects.
     pub bones: &'a [[usize; 2]],
@@ -84,10 +84,10 @@ fn neutral_background(mask: &Mask, width: u32, height: u32) -> Canvas {
     let mut full = RgbFrame::default();
     full.resize(mask.width(), mask.height());
     for (y, row) in full.pixels.chunks_exact_mut(3 * mask.width() as usize).enumerate() {
-        row.chunks_exact_mut(3).for_each(|pixel| pixel.copy_from_slice(&NEUTRAL));
+        let row: &mut [[u8; 3]] = row.as_chunks_mut().0;
+        row.fill(NEUTRAL);
         for (start, end) in mask.runs(y as u32) {
-            let run = &mut row[3 * start as usize..3 * end as usize];
-            run.chunks_exact_mut(3).for_each(|pixel| pixel.copy_from_slice(&NEUTRAL_MASK));
+            row[start as usize..end as usize].fill(NEUTRAL_MASK);
         }
     }
     Canvas::shrunk(&full, width, height)

@@ -9,9 +9,9 @@ use super::canvas::Canvas;
 /// A mesh as a camera sees it.
 #[derive(Clone, Copy, Debug)]
 pub struct SeenMesh<'a> {
-    /// Vertices in the image, [n_vertices], pixels; NaN where the camera does not see one.
+    /// Vertices in the image, `[n_vertices]`, pixels; NaN where the camera does not see one.
     pub pixels: &'a [[f32; 2]],
-    /// The same vertices in the camera frame, [n_vertices], metres.
+    /// The same vertices in the camera frame, `[n_vertices]`, metres.
     pub points_camera: &'a [[f32; 3]],
     /// Corners of each triangle, outward by the right-hand rule.
     pub triangles: &'a [[u32; 3]],
@@ -32,7 +32,7 @@ pub(super) struct BodyLayer {
     /// The samples about the mesh: columns and rows.
     columns: Range<u32>,
     rows: Range<u32>,
-    /// Brightness of the samples about the mesh, [rows][columns].
+    /// Brightness of the samples about the mesh, `[rows][columns]`.
     brightness: Vec<f32>,
     /// Reciprocal depth of the same samples, 1/metres; 0 where nothing is.
     nearness: Vec<f32>,

@@ -23,7 +23,7 @@ pub use folder::{MaskFolder, natural_order, read_image};
 pub use mp4::hide_panics_that_become_errors;
 pub use prefetch::Prefetch;
 
-/// One colour picture: 8-bit RGB, row by row from the top, [height][width][3].
+/// One colour picture: 8-bit RGB, row by row from the top, `[height][width][3]`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RgbFrame {
     /// Columns.

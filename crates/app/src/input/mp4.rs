@@ -261,7 +261,8 @@ impl Rotation {
         let (width, height) = self.size(from.width, from.height);
         to.resize(width, height);
         let (columns, rows) = (from.width as usize, from.height as usize);
-        for (index, out) in to.pixels.chunks_exact_mut(3).enumerate() {
+        let pixels: &[[u8; 3]] = from.pixels.as_chunks().0;
+        for (index, out) in to.pixels.as_chunks_mut().0.iter_mut().enumerate() {
             let (x, y) = (index % width as usize, index / width as usize);
             let (from_x, from_y) = match self {
                 Self::None => (x, y),
@@ -269,7 +270,7 @@ impl Rotation {
                 Self::Half => (columns - 1 - x, rows - 1 - y),
                 Self::ThreeQuarters => (columns - 1 - y, x),
             };
-            out.copy_from_slice(&from.pixels[3 * (from_y * columns + from_x)..][..3]);
+            *out = pixels[from_y * columns + from_x];
         }
     }
 }

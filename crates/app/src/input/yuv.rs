@@ -95,8 +95,8 @@ pub(super) fn rgb_from_yuv420(planes: &Planes<'_>, code: ColourCode, frame: &mut
             u[..u_block.len()].copy_from_slice(u_block);
             v[..v_block.len()].copy_from_slice(v_block);
             let [red, green, blue] = coefficients.convert(&luma, &u, &v);
-            for (i, pixel) in out.chunks_exact_mut(3).enumerate() {
-                pixel.copy_from_slice(&[red[i], green[i], blue[i]]);
+            for (i, pixel) in out.as_chunks_mut().0.iter_mut().enumerate() {
+                *pixel = [red[i], green[i], blue[i]];
             }
         }
     }

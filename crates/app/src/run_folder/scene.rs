@@ -44,7 +44,7 @@ impl Scene {
         [intrinsics.width, intrinsics.height]
     }
 
-    /// Vertices of the posed body, [n_vertices], metres, world.
+    /// Vertices of the posed body, `[n_vertices]`, metres, world.
     pub fn vertices_world(&self, pose: &Pose) -> Vec<[f32; 3]> {
         let mut vertices = vec![[0.0; 3]; self.body.n_vertices()];
         self.body.skin_into(pose, &mut vertices);
