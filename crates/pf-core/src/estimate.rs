@@ -29,7 +29,7 @@ pub fn weighted_mean<S: StateSpace>(space: &S, states: &[S::State], weights: &No
     mean_of(space, states, |i| weights[i], &states[heaviest])
 }
 
-/// The weighted covariance about `mean` in its local coordinates, [dim, dim], row after row.
+/// The weighted covariance about `mean` in its local coordinates, `[dim, dim]`, row after row.
 ///
 /// # Panics
 /// When the numbers of states and weights differ, or `covariance` does not hold `dim * dim` numbers.
@@ -85,11 +85,17 @@ pub(crate) fn covariance_about<S: StateSpace>(
     with_buffer(dim, |delta| {
         for (i, state) in states.iter().enumerate() {
             space.local(mean, state, delta);
-            for (row, d) in covariance.chunks_mut(dim).zip(&*delta) {
-                for (c, e) in row.iter_mut().zip(&*delta) {
-                    *c += weight(i) * d * e;
+            for (j, row) in covariance.chunks_mut(dim).enumerate() {
+                let scaled = weight(i) * delta[j];
+                for (entry, d) in row[..=j].iter_mut().zip(&*delta) {
+                    *entry += scaled * d;
                 }
             }
         }
     });
+    for j in 0..dim {
+        for k in 0..j {
+            covariance[k * dim + j] = covariance[j * dim + k];
+        }
+    }
 }

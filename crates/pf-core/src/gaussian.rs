@@ -41,7 +41,7 @@ pub enum BadCovariance {
 }
 
 impl Gaussian {
-    /// Independent coordinates of these standard deviations, [dim]; zero keeps a coordinate still.
+    /// Independent coordinates of these standard deviations, `[dim]`; zero keeps a coordinate still.
     ///
     /// # Errors
     /// When one is negative or not finite.
@@ -54,7 +54,7 @@ impl Gaussian {
         }
     }
 
-    /// A covariance [dim, dim], row after row; its lower triangle is read.
+    /// A covariance `[dim, dim]`, row after row; its lower triangle is read.
     ///
     /// # Errors
     /// When it is not positive definite.
@@ -141,7 +141,7 @@ impl Gaussian {
     }
 }
 
-/// Turns the lower triangle of `matrix` [dim, dim] into its Cholesky factor, row by row.
+/// Turns the lower triangle of `matrix` `[dim, dim]` into its Cholesky factor, row by row.
 fn cholesky(matrix: &mut [f64], dim: usize) -> Result<(), BadCovariance> {
     for i in 0..dim {
         for j in 0..=i {

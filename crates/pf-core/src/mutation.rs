@@ -85,7 +85,7 @@ impl From<Gaussian> for GaussianDiffusion {
 }
 
 impl GaussianDiffusion {
-    /// Independent noise of these standard deviations, [dim].
+    /// Independent noise of these standard deviations, `[dim]`.
     ///
     /// # Errors
     /// When one is negative or not finite.
@@ -93,7 +93,7 @@ impl GaussianDiffusion {
         Gaussian::diagonal(standard_deviations).map(Self::from)
     }
 
-    /// Noise of this covariance [dim, dim], row after row.
+    /// Noise of this covariance `[dim, dim]`, row after row.
     ///
     /// # Errors
     /// When it is not positive definite.
@@ -101,8 +101,8 @@ impl GaussianDiffusion {
         Gaussian::full(covariance, dim).map(Self::from)
     }
 
-    /// Noise of the covariance that the surviving particles of the layer have, `[Deutscher2005]` section 4: the
-    /// search stays wide where the particles still disagree. `least_standard_deviations` [dim], each above zero, are
+    /// Noise of the covariance that the surviving particles of the layer have, `[Deutscher2005]`: the
+    /// search stays wide where the particles still disagree. `least_standard_deviations` `[dim]`, each above zero, are
     /// added in square, for survivors that are all alike would never part again.
     ///
     /// # Errors

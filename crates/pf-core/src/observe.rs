@@ -33,15 +33,15 @@ pub struct LayerView<'a, T> {
     pub frame: u64,
     /// Figures of the layer.
     pub stats: &'a LayerStats,
-    /// The particles, [n_particles].
+    /// The particles, `[n_particles]`.
     pub states: &'a [T],
-    /// ln p(frame|state), [n_particles], before annealing.
+    /// ln p(frame|state), `[n_particles]`, before annealing.
     pub log_likelihoods: &'a [f64],
-    /// Weights of the layer, [n_particles].
+    /// Weights of the layer, `[n_particles]`.
     pub weights: &'a NormalizedWeights,
-    /// For each particle its ancestor among the particles of the frame before, [n_particles].
+    /// For each particle its ancestor among the particles of the frame before, `[n_particles]`.
     pub ancestors: &'a [u32],
-    /// For each particle the source of the proposal that its ancestor in layer 0 came from, [n_particles].
+    /// For each particle the source of the proposal that its ancestor in layer 0 came from, `[n_particles]`.
     pub sources: &'a [u8],
 }
 
@@ -50,17 +50,17 @@ pub struct LayerView<'a, T> {
 pub struct FrameView<'a, T> {
     /// Frame number, from 0.
     pub frame: u64,
-    /// The particles, [n_particles].
+    /// The particles, `[n_particles]`.
     pub states: &'a [T],
-    /// Their weights, [n_particles].
+    /// Their weights, `[n_particles]`.
     pub weights: &'a NormalizedWeights,
-    /// ln p(frame|state), [n_particles].
+    /// ln p(frame|state), `[n_particles]`.
     pub log_likelihoods: &'a [f64],
-    /// For each particle its ancestor among the particles of the frame before, [n_particles].
+    /// For each particle its ancestor among the particles of the frame before, `[n_particles]`.
     pub ancestors: &'a [u32],
-    /// Posterior weight of the descendants of each source of the proposal, [n_sources].
+    /// Posterior weight of the descendants of each source of the proposal, `[n_sources]`.
     pub source_shares: &'a [f64],
-    /// Figures of the layers, [layers run].
+    /// Figures of the layers, `[layers run]`.
     pub layers: &'a [LayerStats],
     /// ln p(frame|frames before): see the table at the top of the crate for what it is worth.
     pub log_evidence: f64,

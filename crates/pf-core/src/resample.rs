@@ -130,7 +130,7 @@ impl<I: Iterator<Item = f64>> Walk<I> {
 }
 
 /// Hands `n` independent uniform numbers to `visit` in rising order, without storing them: normalised sums of
-/// exponential spacings `[Devroye1986]` chapter V.3.1. The stream is read twice, from a copy of the generator first.
+/// exponential spacings `[Devroye1986]` chapter V. The stream is read twice, from a copy of the generator first.
 fn for_each_sorted_uniform(n: usize, rng: &mut ParticleRng, mut visit: impl FnMut(usize, f64)) {
     let spacing = |rng: &mut ParticleRng| -rng.uniform().ln();
     let mut ahead = rng.clone();

@@ -65,16 +65,12 @@ pub struct Draw {
 pub fn particle_rng(at: Draw, particle: u32) -> ParticleRng {
     assert!(at.frame < MAX_FRAMES, "frame {} is beyond the last one, {}", at.frame, MAX_FRAMES - 1);
     assert!(at.layer < MAX_LAYERS, "layer {} is beyond the last one, {}", at.layer, MAX_LAYERS - 1);
-    let frame_high = (at.frame >> 32) as u32;
+    let frame_low = u64::from(at.frame as u32);
+    let last_word = (at.frame >> 32) << 24 | u64::from(at.purpose as u8) << 16 | u64::from(at.layer);
     ParticleRng {
-        key: [at.seed as u32, (at.seed >> 32) as u32],
-        counter: [
-            0,
-            particle,
-            at.frame as u32,
-            frame_high << 24 | u32::from(at.purpose as u8) << 16 | at.layer,
-        ],
-        block: [0; 4],
+        key: at.seed,
+        counter: [u64::from(particle) << 32, last_word << 32 | frame_low],
+        block: [0; 2],
         n_used: 4,
     }
 }
@@ -95,17 +91,22 @@ pub fn particle_rng(at: Draw, particle: u32) -> ParticleRng {
 /// ```
 #[derive(Clone, Debug)]
 pub struct ParticleRng {
-    key: [u32; 2],
-    counter: [u32; 4],
-    block: [u32; 4],
+    // Pairs of words, the first one low: what is written as a pair is read as a pair, which a processor does without
+    // a detour through memory.
+    key: u64,
+    counter: [u64; 2],
+    block: [u64; 2],
+    /// Words of the block that were handed out.
     n_used: usize,
 }
 
 impl ParticleRng {
-    #[inline]
+    #[inline(always)]
     fn refill(&mut self) {
-        self.block = philox4x32_10(self.counter, self.key);
-        self.counter[0] = self.counter[0].wrapping_add(1);
+        let [a, b] = self.counter.map(words);
+        let [c, d, e, f] = philox4x32_10([a[0], a[1], b[0], b[1]], words(self.key));
+        self.block = [pair(c, d), pair(e, f)];
+        self.counter[0] = pair(a[0].wrapping_add(1), a[1]);
         self.n_used = 0;
     }
 
@@ -114,25 +115,23 @@ impl ParticleRng {
         if self.n_used == 4 {
             self.refill();
         }
-        let word = self.block[self.n_used];
+        let word = words(self.block[self.n_used / 2])[self.n_used % 2];
         self.n_used += 1;
         word
     }
 
     /// The next two words, the first one low.
-    #[inline]
+    #[inline(always)]
     fn two_words(&mut self) -> u64 {
-        // Most streams are read two words at a time: then a pair never straddles two blocks.
         if self.n_used == 4 {
             self.refill();
         }
-        let (low, high) = match self.n_used {
-            0 => (self.block[0], self.block[1]),
-            2 => (self.block[2], self.block[3]),
-            _ => return u64::from(self.word()) | u64::from(self.word()) << 32,
-        };
+        if self.n_used % 2 == 1 {
+            return pair(self.word(), self.word());
+        }
+        let pair = self.block[self.n_used / 2];
         self.n_used += 2;
-        u64::from(low) | u64::from(high) << 32
+        pair
     }
 
     /// A number strictly between 0 and 1, one of 2^52 equally spaced and symmetric about 1/2.
@@ -153,6 +152,16 @@ impl ParticleRng {
             *z = self.standard_normal();
         }
     }
+}
+
+#[inline(always)]
+fn words(pair: u64) -> [u32; 2] {
+    [pair as u32, (pair >> 32) as u32]
+}
+
+#[inline(always)]
+fn pair(low: u32, high: u32) -> u64 {
+    u64::from(low) | u64::from(high) << 32
 }
 
 impl TryRng for ParticleRng {

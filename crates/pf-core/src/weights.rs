@@ -1,6 +1,6 @@
 //! Weights of particles: natural logs while they are worked out, a distribution when they are used.
 
-use crate::lanes;
+use crate::lanes::{self, exp_of_nonpositive};
 use crate::schedule::Beta;
 
 /// Natural logs of weights that need not sum to one; −∞ is a weight of zero.
@@ -38,7 +38,7 @@ impl LogWeights {
         if max == f64::NEG_INFINITY {
             return max;
         }
-        max + lanes::sum(&self.0, |w| (w - max).exp()).ln()
+        max + lanes::sum(&self.0, |w| exp_of_nonpositive(w - max)).ln()
     }
 
     /// Number of weights that are not zero.
@@ -52,13 +52,10 @@ impl LogWeights {
         if max == f64::NEG_INFINITY {
             return 0.0;
         }
-        let (mut sum, mut sum_of_squares) = (0.0, 0.0);
-        for &log_weight in self.0.iter().filter(|&&w| w > f64::NEG_INFINITY) {
-            let w = (beta.get() * (log_weight - max)).exp();
-            sum += w;
-            sum_of_squares += w * w;
-        }
-        sum * sum / sum_of_squares
+        // 0 times −∞ is no number, but an impossible particle stays so under every exponent.
+        let raised = |w: f64| if w == f64::NEG_INFINITY { w } else { beta.get() * (w - max) };
+        let sum = lanes::sum(&self.0, |w| exp_of_nonpositive(raised(w)));
+        sum * sum / lanes::sum(&self.0, |w| exp_of_nonpositive(2.0 * raised(w)))
     }
 
     /// Writes the weights as a distribution into `out` and returns ln of their sum.
@@ -70,7 +67,7 @@ impl LogWeights {
             return None;
         }
         out.weights.clear();
-        out.weights.extend(self.0.iter().map(|w| (w - max).exp()));
+        out.weights.extend(self.0.iter().map(|w| exp_of_nonpositive(w - max)));
         let sum = out.normalize();
         Some(max + sum.ln())
     }

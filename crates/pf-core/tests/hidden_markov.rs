@@ -115,8 +115,8 @@ fn filter_agrees_with_forward_backward() {
         evidence_ratios.push((filter.log_evidence() - exact.log_evidence).exp());
         for state in 0..3 {
             filtered[state].push(now[state]);
-            for k in 0..n_instants {
-                smoothed[k][state].push(then[k][state]);
+            for (samples, then) in smoothed.iter_mut().zip(&then) {
+                samples[state].push(then[state]);
             }
         }
     }
@@ -125,8 +125,8 @@ fn filter_agrees_with_forward_backward() {
     for state in 0..3 {
         let off = standard_errors_off(&filtered[state], exact.filtered[state]);
         assert!(off.abs() < MAX_STANDARD_ERRORS, "state {state}, filtered: off by {off} standard errors");
-        for k in 0..n_instants {
-            let (samples, truth) = (&smoothed[k][state], exact.smoothed[k][state]);
+        for (k, (samples, truths)) in smoothed.iter().zip(&exact.smoothed).enumerate() {
+            let (samples, truth) = (&samples[state], truths[state]);
             if truth == 0.0 {
                 assert!(samples.iter().all(|s| *s == 0.0), "instant {k}, state {state} is impossible");
                 continue;

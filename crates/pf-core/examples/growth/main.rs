@@ -53,6 +53,14 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn read_npy(path: &str) -> Result<Vec<f64>, Box<dyn Error>> {
-    let file = std::fs::File::open(path).map_err(|error| format!("{path}: {error}"))?;
-    Ok(npyz::NpyFile::new(std::io::BufReader::new(file))?.into_vec()?)
+    let bytes = std::fs::read(path).map_err(|error| format!("{path}: {error}"))?;
+    Ok(numbers_of_npy(&bytes).ok_or(format!("{path}: expected a .npy file of little-endian f64"))?)
+}
+
+/// The numbers of a file of format 1.0: magic, version, length of the header, header, data.
+fn numbers_of_npy(bytes: &[u8]) -> Option<Vec<f64>> {
+    let (header_length, rest) = bytes.strip_prefix(b"\x93NUMPY\x01\x00")?.split_first_chunk()?;
+    let (header, data) = rest.split_at_checked(u16::from_le_bytes(*header_length).into())?;
+    let is_f64 = String::from_utf8_lossy(header).contains("'<f8'");
+    is_f64.then(|| data.as_chunks().0.iter().map(|number| f64::from_le_bytes(*number)).collect())
 }

@@ -60,9 +60,9 @@ pub struct FilterState<T> {
     pub frame: u64,
     /// The particles.
     pub particles: Vec<T>,
-    /// Their weights, summing to one, [n_particles].
+    /// Their weights, summing to one, `[n_particles]`.
     pub weights: Vec<f64>,
-    /// Posterior weight of each source of the proposal in the last frame, [n_sources]; empty before the first.
+    /// Posterior weight of each source of the proposal in the last frame, `[n_sources]`; empty before the first.
     pub source_shares: Vec<f64>,
     /// ln p(all frames so far), lost ones left out.
     pub log_evidence: f64,

@@ -36,9 +36,7 @@ impl<S: StateSpace, P: Proposal<S>> Filter<S, P> {
             let is_last = layer + 1 == n_layers;
             beta = self.next_beta(layer, beta_before, is_last);
             if !self.weigh(layer, beta_before, beta, acceptance) {
-                let lost = Lost { frame: self.frame, layer };
-                self.frame += 1;
-                return Ok(Step::Lost(lost));
+                return Ok(Step::Lost(self.lose(layer)));
             }
             observer.layer_done(&self.layer_view());
             if is_last || (self.mode == Mode::Tempered && beta == Beta::ONE) {

@@ -5,7 +5,7 @@ use crate::observe::LayerStats;
 use crate::schedule::Beta;
 use crate::weights::{LogWeights, NormalizedWeights};
 
-/// Particles of the current layer, all [n_particles].
+/// Particles of the current layer, all `[n_particles]`.
 pub(super) struct Work<T> {
     pub states: Vec<T>,
     /// ln of the weight that each particle brings into the layer, before the likelihood.
@@ -53,7 +53,7 @@ impl<T> Default for Work<T> {
 impl<T: Clone + Send + Sync> Work<T> {
     /// Makes room for `n_particles`; `any` fills it until it is written over.
     pub fn resize(&mut self, n_particles: usize, any: &T) {
-        self.states.resize(n_particles, any.clone());
+        self.states.resize_with(n_particles, || any.clone());
         self.log_prior_weights.resize(n_particles, 0.0);
         self.log_likelihoods.resize(n_particles);
         self.log_weights.resize(n_particles);

@@ -6,14 +6,14 @@ const MULTIPLIERS: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
 const KEY_STEPS: [u32; 2] = [0x9E37_79B9, 0xBB67_AE85];
 const ROUNDS: usize = 10;
 
-/// Four random words for a counter under a key. `[Salmon2011]` section 4.3; for one key a bijection of counters.
+/// Four random words for a counter under a key. `[Salmon2011]`; for one key a bijection of counters.
 ///
 /// ```
 /// // A known answer of the authors' Random123 library.
 /// let words = pf_core::rng::philox4x32_10([0; 4], [0; 2]);
 /// assert_eq!(words, [0x6627_e8d5, 0xe169_c58d, 0xbc57_ac4c, 0x9b00_dbd8]);
 /// ```
-#[inline]
+#[inline(always)]
 pub fn philox4x32_10(counter: [u32; 4], key: [u32; 2]) -> [u32; 4] {
     let (mut words, mut key) = (counter, key);
     for _ in 0..ROUNDS {

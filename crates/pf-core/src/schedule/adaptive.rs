@@ -25,7 +25,7 @@ impl Default for SurvivalRateConfig {
 
 /// Each layer takes the exponent at which a given share of its particles survives.
 ///
-/// `[Deutscher2005]` section 3.2: the survival diagnostic is 1 / Σ w², the survival rate its share of the particles.
+/// `[Deutscher2005]`: the survival diagnostic is 1 / Σ w², the survival rate its share of the particles.
 /// Deviation: the share is of the particles whose weight is not zero, for zeros stay zero under every exponent and
 /// the asked-for rate might not exist (test `survival_rate_counts_possible_particles`).
 #[derive(Clone, Copy, Debug)]
