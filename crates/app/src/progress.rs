@@ -26,7 +26,10 @@ pub struct Progress {
 enum Display {
     Bar(ProgressBar),
     /// When the last line was printed, and how far the run had come then.
-    Lines { last: Instant, told: Option<u64> },
+    Lines {
+        last: Instant,
+        told: Option<u64>,
+    },
 }
 
 impl Progress {

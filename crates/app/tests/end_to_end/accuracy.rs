@@ -15,15 +15,28 @@ fn the_real_clip_stays_within_bounds() {
     let folder = tempfile::tempdir().expect("a folder for a test");
     let out = folder.path().join("eval");
     let mut eval = umbra();
-    eval.args(["eval", "real", "--seeds", "1", "--data"]).arg(fixtures().join("balance")).arg("--out").arg(&out);
+    eval.args(["eval", "real", "--seeds", "1", "--data"])
+        .arg(fixtures().join("balance"))
+        .arg("--out")
+        .arg(&out);
     let answer = Answer::of(&mut eval).succeeded();
     assert!(answer.stdout.contains("| LWrist |"), "{}", answer.stdout);
     let report: Value =
         serde_json::from_slice(&fs::read(out.join("eval.json")).expect("eval.json")).expect("it is JSON");
 
-    let number = |report: &Value, key: &str| report[key].as_f64().unwrap_or_else(|| panic!("`{key}` is no number"));
+    let number =
+        |report: &Value, key: &str| report[key].as_f64().unwrap_or_else(|| panic!("`{key}` is no number"));
     for report in [&report, &report["without_heading"]] {
-        for key in ["iou_mean", "iou_worst", "mpjpe_root_mm", "image_plane_mm", "depth_mm", "pelvis_mm", "frames_lost", "fps"] {
+        for key in [
+            "iou_mean",
+            "iou_worst",
+            "mpjpe_root_mm",
+            "image_plane_mm",
+            "depth_mm",
+            "pelvis_mm",
+            "frames_lost",
+            "fps",
+        ] {
             assert!(number(report, key).is_finite(), "`{key}`");
         }
         let seeds = report["seeds"].as_array().expect("a list of seeds");
@@ -93,7 +106,8 @@ fn track_stage_walk(options: &[&str]) -> f64 {
         let truth = &truth[&row["frame"]];
         let estimated = STAGE_JOINTS.map(|(ours, _)| 1000.0 * point(row, ours, "_m"));
         let true_mm = STAGE_JOINTS.map(|(_, theirs)| point(truth, theirs, ""));
-        errors_mm.extend(root_aligned(&estimated).iter().zip(root_aligned(&true_mm)).map(|(a, b)| a.distance(b)));
+        errors_mm
+            .extend(root_aligned(&estimated).iter().zip(root_aligned(&true_mm)).map(|(a, b)| a.distance(b)));
     }
     errors_mm.iter().sum::<f64>() / errors_mm.len() as f64
 }
@@ -105,7 +119,8 @@ fn point(row: &BTreeMap<String, String>, joint: &str, unit: &str) -> DVec3 {
 
 /// The joints from the midpoint of the hips.
 fn root_aligned(joints: &[DVec3; 12]) -> [DVec3; 12] {
-    let hip = |name| joints[STAGE_JOINTS.iter().position(|(ours, _)| *ours == name).expect("it is in the table")];
+    let hip =
+        |name| joints[STAGE_JOINTS.iter().position(|(ours, _)| *ours == name).expect("it is in the table")];
     let root = hip("left_hip").midpoint(hip("right_hip"));
     joints.map(|joint| joint - root)
 }
@@ -117,7 +132,11 @@ fn the_real_video_is_tracked_from_its_pixels() {
     let folder = tempfile::tempdir().expect("a folder for a test");
     let mut track = umbra();
     track.arg("track").arg(balance.join("video.mp4")).args(["--frames", "0..12"]).args(QUICK);
-    track.arg("--background").arg(balance.join("background.png")).arg("--camera").arg(balance.join("camera.toml"));
+    track
+        .arg("--background")
+        .arg(balance.join("background.png"))
+        .arg("--camera")
+        .arg(balance.join("camera.toml"));
     Answer::of(track.arg("--out").arg(folder.path().join("run"))).succeeded();
     let rows = table(&folder.path().join("run/poses.csv"));
     assert_eq!(column(&rows, "status"), ["tracked"; 12]);

@@ -16,7 +16,7 @@ pub const WIDTH: u32 = 272;
 /// As [`WIDTH`].
 pub const HEIGHT: u32 = 480;
 
-/// A colour that stands in no overlay but where the picture shows it.
+/// A colour that stands in no overlay but where the picture shows it, dimmed or not.
 const MARK: Rgb<u8> = Rgb([255, 0, 255]);
 
 /// The folder of the bundled clips.
@@ -78,6 +78,13 @@ impl Answer {
             assert!(!text.contains(noise), "{noise:?} is no message for users:\n{text}");
         }
     }
+}
+
+/// `umbra track` on a video or a folder of frames, quickly, with the camera assumed for which `walker.mp4` was made.
+pub fn track_assumed(input: &Path, out: &Path) -> Command {
+    let mut command = umbra();
+    command.arg("track").arg(input).args(["--focal-px", "240"]).args(QUICK).arg("--out").arg(out);
+    command
 }
 
 /// A small clip in a folder of its own, with its camera; runs go beside it.
@@ -148,17 +155,17 @@ impl Clip {
     }
 }
 
-/// A plain wall, lit from below, with a mark in its corner.
+/// A plain wall, lit from below, with a marked stripe at the height of the person's waist.
 fn wall() -> RgbImage {
     RgbImage::from_fn(WIDTH, HEIGHT, |x, y| {
         let light = (y / 24) as u8 + (x * 7 + y * 11) as u8 % 4;
-        if x < 32 && y < 32 { MARK } else { Rgb([180 + light, 160 + light, 136 + light]) }
+        if y / 10 == 23 { MARK } else { Rgb([180 + light, 160 + light, 136 + light]) }
     })
 }
 
-/// Whether the mark of the wall's corner is to be seen.
+/// Whether the stripe on the wall is to be seen.
 pub fn shows_mark(picture: &RgbImage) -> bool {
-    picture.pixels().any(|pixel| pixel.0[0] > 200 && pixel.0[1] < 60 && pixel.0[2] > 200)
+    picture.pixels().any(|pixel| pixel.0[0] > 150 && pixel.0[1] < 60 && pixel.0[2] > 150)
 }
 
 /// A silhouette of the balance clip at a quarter of its size.
