@@ -12,6 +12,9 @@ mod tests;
 /// Joints that the folder holds: all but the heels, which are taken from the mesh.
 pub const N_POPULATION_JOINTS: usize = N_JOINTS - 2;
 
+/// Points that measuring needs and `landmarks.csv` leaves out, with their vertices on the population's mesh.
+const MORE_LANDMARKS: [(&str, u32); 2] = [("Navel", 4104), ("Below Adam's Apple", 803)];
+
 /// A population of bodies: one mesh, a linear basis of its vertices and joints, one row of coefficients per body.
 /// Body frame: y up, facing +z, its left at +x, soles at y = 0; metres.
 #[derive(Clone, Debug)]
@@ -36,7 +39,7 @@ pub struct BodiesData {
     pub parts: Vec<u8>,
     /// Names of the body parts.
     pub part_names: Vec<String>,
-    /// Name and vertex of each landmark.
+    /// Name and vertex of each landmark: those of `landmarks.csv`, then the navel and the point below the Adam's apple.
     pub landmarks: Vec<(String, u32)>,
 }
 
@@ -141,13 +144,17 @@ impl BodiesData {
         let parts = Array::<u32>::read(&folder.join("parts.npy"), "<u4")?;
         parts.expect_shape(&[Some(n_vertices)], "[n_vertices]")?;
         parts.expect_below(part_names.len())?;
+        let more = MORE_LANDMARKS.iter().filter(|(_, vertex)| (*vertex as usize) < n_vertices);
+        let landmarks = read_landmarks(&folder.join("landmarks.csv"), n_vertices)?
+            .into_iter()
+            .chain(more.map(|&(name, vertex)| (name.to_string(), vertex)));
         Ok(Self {
             triangles: faces.values.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
             coefficients: rows(&coefficients.values, basis.len()),
             is_female: read_sexes(&folder.join("truth.csv"), coefficients.values.len() / basis.len())?,
             skin: read_skin(folder, n_vertices)?,
             parts: parts.values.iter().map(|&part| part as u8).collect(),
-            landmarks: read_landmarks(&folder.join("landmarks.csv"), n_vertices)?,
+            landmarks: landmarks.collect(),
             mean,
             basis,
             mean_joints,

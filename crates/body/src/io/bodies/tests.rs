@@ -13,7 +13,7 @@ fn bodies_are_sums_over_the_basis() {
     let folder = folder.join("bodies");
     let data = BodiesData::read(&folder).unwrap();
     assert_eq!((data.mean.len(), data.triangles.len(), data.basis.len()), (13_348, 26_692, 190));
-    assert_eq!((data.coefficients.len(), data.landmarks.len(), data.part_names.len()), (1_200, 73, 17));
+    assert_eq!((data.coefficients.len(), data.landmarks.len(), data.part_names.len()), (1_200, 75, 17));
     assert_eq!(data.is_female.iter().filter(|&&is_female| is_female).count(), 600);
     let stored = points(&folder.join("joints_public.npy"), Some(N_POPULATION_JOINTS)).unwrap();
     for body in [0, 517, 1_199] {
