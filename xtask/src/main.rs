@@ -27,6 +27,7 @@ runs of `umbra`, built in release; the arguments are passed on
   assets ...            make the body model the program ships
   fixtures ...          make the clips under fixtures/
   eval real ...         score tracking on a folder laid out as a recorded clip
+  eval stage ...        score trackers on a stage-like data set
   eval stage-masks ...  score masks made from pictures against clean ones";
 
 fn main() -> ExitCode {
@@ -52,7 +53,7 @@ fn run(args: &[String]) -> Result<ExitCode> {
             let bench = ["bench", "--workspace", "--bench", "*", "--"];
             workspace::cargo(bench.iter().chain(filter))
         }
-        ["assets" | "fixtures", ..] | ["eval", "real" | "stage-masks", ..] => {
+        ["assets" | "fixtures", ..] | ["eval", "real" | "stage" | "stage-masks", ..] => {
             let umbra = ["run", "--release", "--package", "app", "--bin", "umbra", "--"];
             workspace::cargo(umbra.iter().chain(&words))
         }

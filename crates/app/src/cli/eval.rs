@@ -8,13 +8,15 @@ use anyhow::bail;
 use clap::{Args, Subcommand};
 
 use super::track::{SettingsArgs, exec_config, parse_frames};
-use crate::eval::{real, stage_masks};
+use crate::eval::{real, stage, stage_masks};
 
 /// What is evaluated.
 #[derive(Debug, Subcommand)]
 pub enum EvalCommand {
     /// A real clip against its reference joints.
     Real(RealArgs),
+    /// Trackers on a stage-like data set, against true joints.
+    Stage(StageArgs),
     /// Masks cut from rendered colour clips against the clean ones.
     StageMasks(StageMasksArgs),
 }
@@ -33,6 +35,37 @@ pub struct RealArgs {
     seeds: u64,
     /// Where eval.json and the run folders go.
     #[arg(long, value_name = "FOLDER", default_value = "runs/eval-real")]
+    out: PathBuf,
+    /// Worker threads; the results do not depend on them [default: one a core].
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+    #[command(flatten)]
+    settings: SettingsArgs,
+}
+
+/// Arguments of `umbra eval stage`.
+#[derive(Debug, Args)]
+pub struct StageArgs {
+    /// A stage-like data set [default: stage of the data folder].
+    #[arg(long, value_name = "FOLDER")]
+    data: Option<PathBuf>,
+    /// Subjects, separated by commas [default: all].
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    subjects: Vec<String>,
+    /// Kinds of masks, separated by commas.
+    #[arg(long, value_name = "KINDS", value_delimiter = ',', default_value = "observed")]
+    masks: Vec<String>,
+    /// What the trackers learn from.
+    #[arg(long, value_enum, default_value_t = stage::TrainOn::Sequence)]
+    train: stage::TrainOn,
+    /// Number of seeds: 1, 2, and so on.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..))]
+    seeds: u64,
+    /// So many of the test frames only.
+    #[arg(long, value_name = "N")]
+    frames: Option<usize>,
+    /// Where eval.json goes.
+    #[arg(long, value_name = "FOLDER", default_value = "runs/eval-stage")]
     out: PathBuf,
     /// Worker threads; the results do not depend on them [default: one a core].
     #[arg(long, value_name = "N")]
@@ -65,6 +98,20 @@ pub fn run(command: &EvalCommand) -> anyhow::Result<()> {
                 exec: exec_config(args.threads)?,
             })?;
             real::table(&report)
+        }
+        EvalCommand::Stage(args) => {
+            let report = stage::evaluate(&stage::StageEval {
+                data: data_folder(args.data.as_deref(), "stage")?,
+                subjects: args.subjects.clone(),
+                masks: args.masks.clone(),
+                train: args.train,
+                seeds: args.seeds,
+                frames: args.frames,
+                out: args.out.clone(),
+                config: args.settings.config()?,
+                exec: exec_config(args.threads)?,
+            })?;
+            stage::table(&report)
         }
         EvalCommand::StageMasks(args) => {
             let data = data_folder(args.data.as_deref(), "stage")?;

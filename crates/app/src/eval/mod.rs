@@ -3,6 +3,7 @@
 pub mod joint_error;
 pub mod real;
 pub mod reference;
+pub mod stage;
 pub mod stage_masks;
 
 use std::fs;

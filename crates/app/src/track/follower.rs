@@ -21,6 +21,7 @@ pub struct Follower {
     body: Arc<Body>,
     camera: Camera,
     model: Arc<dyn PoseModel>,
+    fps: f64,
     params: TrackParams,
     following: Option<Following>,
 }
@@ -41,9 +42,15 @@ struct FollowerState {
 }
 
 impl Follower {
-    /// A follower that has seen nobody yet. `camera` is at the resolution of the masks.
-    pub fn new(body: Arc<Body>, camera: Camera, model: Arc<dyn PoseModel>, params: TrackParams) -> Self {
-        Self { body, camera, model, params, following: None }
+    /// A follower that has seen nobody yet. `camera` is at the resolution of the masks, of which there are `fps` a second.
+    pub fn new(
+        body: Arc<Body>,
+        camera: Camera,
+        model: Arc<dyn PoseModel>,
+        fps: f64,
+        params: TrackParams,
+    ) -> Self {
+        Self { body, camera, model, fps, params, following: None }
     }
 
     /// Works on the first of `masks`, that of frame `frame`; the others are those of the frames after it, which a start
@@ -86,6 +93,7 @@ impl Follower {
             body: self.body.clone(),
             camera: self.camera.scaled(scale),
             model: self.model.clone(),
+            fps: self.fps,
             params: self.params.clone(),
         }
     }

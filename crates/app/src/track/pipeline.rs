@@ -119,11 +119,11 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
         assumptions: assumptions.clone(),
         fps,
         redact: job.redact,
-        camera: known.camera.clone(),
+        camera: known.camera,
         body: body.clone(),
     };
     let (mut writer, resumed) = RunWriter::open(&job.out, job.existing, header)?;
-    let mut follower = Follower::new(body, known.camera.clone(), pose_model(&params), params);
+    let mut follower = Follower::new(body, known.camera, pose_model(&params), fps, params);
     let mut frames = Vec::new();
     if let Some(resumed) = resumed {
         follower.restore(&resumed.checkpoint)?;

@@ -24,8 +24,10 @@ pub trait PoseModel: Send + Sync {
     fn clamp(&self, latent: &mut [f64]);
     /// ln p(pose) up to a constant.
     fn log_prior(&self, latent: &[f64]) -> f64;
-    /// Standard deviation of each coordinate's change from one frame to the next, [dim].
+    /// Standard deviation of each coordinate's change within a sixtieth of a second, [dim].
     fn step_sd(&self) -> &[f64];
+    /// Standard deviation of the pelvis's change in that time: position (metres) and rotation (radians), pelvis frame.
+    fn rigid_step_sd(&self) -> [f64; RIGID_DIM];
     /// Coordinates that belong together: trunk and head, each arm, each leg. Empty where coordinates move the whole body.
     fn parts(&self) -> &[Vec<usize>];
     /// The joint angles, [n_dof], radians, of an upright person seen for the first time.
@@ -45,6 +47,9 @@ pub struct FreeJoints {
 /// in them; in life they lift a raised arm by up to half a radian. Freeing them lowers the joint error on the bundled real
 /// clip by 10 mm.
 const CLAVICLE_SD_RAD: f64 = 0.25;
+
+/// The pelvis of somebody of whom nothing is known moves so far within a sixtieth of a second, metres and radians.
+const ANY_RIGID_STEP_SD: [f64; RIGID_DIM] = [0.012, 0.012, 0.012, 0.02, 0.02, 0.02];
 
 /// By how much a prior is widened.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -116,6 +121,10 @@ impl PoseModel for FreeJoints {
         &self.step_sd
     }
 
+    fn rigid_step_sd(&self) -> [f64; RIGID_DIM] {
+        ANY_RIGID_STEP_SD
+    }
+
     fn parts(&self) -> &[Vec<usize>] {
         &self.parts
     }
@@ -154,7 +163,11 @@ pub struct JointComponents {
     /// Left inverse of the basis, [k, n_dof].
     inverse: DMatrix<f64>,
     step_sd: Vec<f64>,
+    rigid_step_sd: [f64; RIGID_DIM],
 }
+
+/// Least standard deviation of a step of the pelvis, metres or radians.
+const LEAST_RIGID_STEP_SD: f64 = 0.006;
 
 impl JointComponents {
     /// The first `k` components of a learned prior.
@@ -174,7 +187,11 @@ impl JointComponents {
         let steps = prior.step_covariance().view((RIGID_DIM, RIGID_DIM), (N_DOF, N_DOF));
         let latent_steps = &inverse * steps * inverse.transpose();
         let step_sd = latent_steps.diagonal().iter().map(|variance| variance.sqrt()).collect();
-        Self { mean, basis, inverse, step_sd }
+        let per_sixtieth = prior.frame_rate_hz() / 60.0;
+        let rigid_step_sd = std::array::from_fn(|i| {
+            per_sixtieth * prior.step_covariance()[(i, i)].sqrt().max(LEAST_RIGID_STEP_SD)
+        });
+        Self { mean, basis, inverse, step_sd, rigid_step_sd }
     }
 }
 
@@ -214,6 +231,10 @@ impl PoseModel for JointComponents {
 
     fn step_sd(&self) -> &[f64] {
         &self.step_sd
+    }
+
+    fn rigid_step_sd(&self) -> [f64; RIGID_DIM] {
+        self.rigid_step_sd
     }
 
     fn parts(&self) -> &[Vec<usize>] {

@@ -21,9 +21,10 @@ use super::state::{BodySpace, BodyState, RIGID_DIM, blank_pose};
 use crate::config::TrackParams;
 use crate::run_folder::{FrameRecord, Status};
 
-/// Standard deviation of the pelvis's change from one frame to the next: position (metres) and rotation (radians), in the
-/// pelvis frame.
-const RIGID_STEP_SD: [f64; RIGID_DIM] = [0.012, 0.012, 0.012, 0.02, 0.02, 0.02];
+/// Rate for which pose models give their steps, and
+const STEP_RATE_HZ: f64 = 60.0;
+/// the rates of clips between which steps follow the rate.
+const STEP_RATES_HZ: std::ops::RangeInclusive<f64> = 10.0..=120.0;
 /// Share of the mask's extent by which a start may be off; the spread of its first particles. Position (metres) and
 /// rotation (radians) in the pelvis frame.
 const START_SD: [f64; RIGID_DIM] = [0.08, 0.05, 0.08, 0.1, 0.25, 0.1];
@@ -55,6 +56,8 @@ pub struct Scene {
     pub camera: Camera,
     /// Coordinates and prior of the pose.
     pub model: Arc<dyn PoseModel>,
+    /// Frames a second.
+    pub fps: f64,
     /// Settings.
     pub params: TrackParams,
 }
@@ -173,8 +176,12 @@ impl Tracker {
     fn new(scene: Scene, stream: u64) -> anyhow::Result<Self> {
         let params = &scene.params;
         let space = BodySpace::new(scene.model.clone());
+        // Over short times people move evenly: twice the time, twice the way.
+        let frame_scale =
+            params.diffusion * STEP_RATE_HZ / scene.fps.clamp(*STEP_RATES_HZ.start(), *STEP_RATES_HZ.end());
+        let rigid = scene.model.rigid_step_sd();
         let step_sd: Vec<f64> =
-            RIGID_STEP_SD.iter().chain(scene.model.step_sd()).map(|sd| params.diffusion * sd).collect();
+            rigid.iter().chain(scene.model.step_sd()).map(|sd| frame_scale * sd).collect();
         let noise = Gaussian::diagonal(step_sd.clone())?;
         let schedule = Geometric::new(GeometricConfig {
             layers: params.layers,
@@ -197,7 +204,7 @@ impl Tracker {
             seed: params.seed ^ (stream << STREAM_SHIFT),
             ..FilterConfig::default()
         })?;
-        let overlap = BodyOverlap::new(scene.body.clone(), scene.camera.clone());
+        let overlap = BodyOverlap::new(scene.body.clone(), scene.camera);
         let likelihood =
             SilhouetteLikelihood::new(space.clone(), overlap, params.sharpness, params.prior_weight);
         let filter = Filter::annealed(space, RandomWalk::new(noise), schedule, moves, filter_params);

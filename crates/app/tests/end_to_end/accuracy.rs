@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use serde_json::Value;
 
-use crate::support::{Answer, QUICK, column, fixtures, table, umbra};
+use crate::support::{Answer, column, fixtures, table, umbra};
 
 #[test]
 fn the_real_clip_stays_within_bounds() {
@@ -131,7 +131,8 @@ fn the_real_video_is_tracked_from_its_pixels() {
     let balance = data.join("real/balance");
     let folder = tempfile::tempdir().expect("a folder for a test");
     let mut track = umbra();
-    track.arg("track").arg(balance.join("video.mp4")).args(["--frames", "0..12"]).args(QUICK);
+    track.arg("track").arg(balance.join("video.mp4")).args(["--frames", "0..12"]);
+    track.args(["--particles", "60", "--layers", "5"]);
     track
         .arg("--background")
         .arg(balance.join("background.png"))

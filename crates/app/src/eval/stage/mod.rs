@@ -1,0 +1,402 @@
+//! `umbra eval stage`: trackers on a stage-like data set, in the layout of Table 1 of `[Kanaujia2014]`.
+//!
+//! Every sequence is tracked on its test frames from the tracker's own start. Poses, dynamics and predictors are learned
+//! from the training frames of the same sequence, or nothing is learned at all (`none`): then the models that the program
+//! ships are scored on people they have not seen.
+
+pub mod score;
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use anyhow::{Context as _, bail, ensure};
+use body::pose_prior::{PosePrior, PosePriorConfig};
+use body::{Body, BodyModel};
+use rayon::prelude::*;
+use serde::Serialize;
+use silhouette::Mask;
+
+use self::score::{TrackErrors, TrueFrame, moving_dofs, score};
+use super::joint_error::mean;
+use super::write_json;
+use crate::config::{ExecConfig, Motion, TrackConfig, TrackParams};
+use crate::input::MaskFolder;
+use crate::progress::Progress;
+use crate::run_folder::FrameRecord;
+use crate::stage::{FittedSequence, Sequence, fit_sequence, personal_joints};
+use crate::track::follower::Follower;
+use crate::track::pose_model::{FreeJoints, JointComponents, PoseModel};
+
+/// Frames whose mean bone lengths are the subject's.
+const LENGTH_FRAMES: usize = 100;
+/// Masks beyond the current one that a tracker is shown.
+const LOOK_AHEAD: usize = 12;
+/// The camera of most rows.
+const MAIN_CAMERA: &str = "C2";
+/// The row of the other view: subject, activity and camera.
+const OTHER_VIEW: (&str, &str, &str) = ("S2", "Jog", "C3");
+
+/// What the trackers learn from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum TrainOn {
+    /// The training frames of the sequence itself.
+    Sequence,
+    /// Nothing: the models that the program ships.
+    None,
+}
+
+/// What to evaluate.
+#[derive(Clone, Debug)]
+pub struct StageEval {
+    /// The data set.
+    pub data: PathBuf,
+    /// Subjects; all when empty.
+    pub subjects: Vec<String>,
+    /// Kinds of masks: `observed`, `clean`.
+    pub masks: Vec<String>,
+    /// What is learned from.
+    pub train: TrainOn,
+    /// Number of seeds, 1, 2, and so on.
+    pub seeds: u64,
+    /// Test frames of each sequence; all when absent.
+    pub frames: Option<usize>,
+    /// Where `eval.json` goes.
+    pub out: PathBuf,
+    /// Settings of every run, but for the seed, the stature and the motions expected.
+    pub config: TrackConfig,
+    /// Threads.
+    pub exec: ExecConfig,
+}
+
+/// One line of the table: means over seeds and their spread (standard deviation).
+#[derive(Clone, Debug, Serialize)]
+pub struct StageRow {
+    /// Subject.
+    pub subject: String,
+    /// Activity.
+    pub activity: String,
+    /// Camera.
+    pub camera: String,
+    /// Tracker.
+    pub method: String,
+    /// Kind of masks.
+    pub masks: String,
+    /// Means over seeds.
+    #[serde(flatten)]
+    pub mean: TrackErrors,
+    /// Standard deviations over seeds.
+    pub spread: TrackErrors,
+    /// Each seed.
+    pub seeds: Vec<TrackErrors>,
+}
+
+/// What `eval.json` holds.
+#[derive(Clone, Debug, Serialize)]
+pub struct StageReport {
+    /// The data set.
+    pub data: PathBuf,
+    /// What was learned from.
+    pub train: TrainOn,
+    /// Mean distance of our skeleton's joints from the true ones after its fit to them, mm, by sequence.
+    pub fit_residual_mm: Vec<(String, f64)>,
+    /// The table.
+    pub rows: Vec<StageRow>,
+}
+
+/// Runs the evaluation, writes `eval.json` and returns the report.
+///
+/// # Errors
+/// When the data cannot be read, a run fails, or the results cannot be written.
+pub fn evaluate(eval: &StageEval) -> anyhow::Result<StageReport> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(eval.exec.threads)
+        .build()
+        .with_context(|| format!("cannot start {} threads", eval.exec.threads))?;
+    pool.install(|| run(eval))
+}
+
+fn run(eval: &StageEval) -> anyhow::Result<StageReport> {
+    let sequences = asked_for(eval)?;
+    let mut progress = Progress::start("fitting the truth", 0, Some(sequences.len() as u64));
+    let mut prepared = Vec::new();
+    for sequence in sequences {
+        prepared.push(Prepared::new(sequence, eval)?);
+        progress.advance();
+    }
+    let mut jobs = Vec::new();
+    for (index, prepared) in prepared.iter().enumerate() {
+        for camera in cameras_of(&prepared.sequence) {
+            for kind in &eval.masks {
+                jobs.push((index, camera, kind.as_str()));
+            }
+        }
+    }
+    let mut progress = Progress::start("tracking", 0, Some(jobs.len() as u64));
+    let mut rows = Vec::new();
+    for (index, camera, kind) in jobs {
+        rows.extend(prepared[index].rows(eval, camera, kind)?);
+        progress.advance();
+    }
+    let report = StageReport {
+        data: eval.data.clone(),
+        train: eval.train,
+        fit_residual_mm: prepared
+            .iter()
+            .map(|prepared| (prepared.sequence.title(), 1000.0 * prepared.truth.residual_m))
+            .collect(),
+        rows,
+    };
+    write_json(&eval.out, &report)?;
+    Ok(report)
+}
+
+/// The sequences of the subjects that are asked for.
+fn asked_for(eval: &StageEval) -> anyhow::Result<Vec<Sequence>> {
+    let all = Sequence::read_all(&eval.data)?;
+    let known: BTreeSet<&str> = all.iter().map(|sequence| sequence.subject.as_str()).collect();
+    if let Some(unknown) = eval.subjects.iter().find(|subject| !known.contains(subject.as_str())) {
+        let known: Vec<&str> = known.into_iter().collect();
+        bail!("{}: `subjects` has {unknown}, expected some of {}", eval.data.display(), known.join(", "));
+    }
+    let is_asked =
+        |sequence: &Sequence| eval.subjects.is_empty() || eval.subjects.contains(&sequence.subject);
+    Ok(all.into_iter().filter(is_asked).collect())
+}
+
+/// The cameras of a sequence's rows.
+fn cameras_of(sequence: &Sequence) -> Vec<&str> {
+    let (subject, activity, camera) = OTHER_VIEW;
+    let mut cameras = Vec::new();
+    if sequence.cameras.iter().any(|name| name == MAIN_CAMERA) {
+        cameras.push(MAIN_CAMERA);
+    } else {
+        cameras.extend(sequence.cameras.first().map(String::as_str));
+    }
+    if sequence.subject == subject
+        && sequence.activity == activity
+        && sequence.cameras.iter().any(|name| name == camera)
+    {
+        cameras.push(camera);
+    }
+    cameras
+}
+
+/// A sequence with what its trackers are made of and scored against.
+struct Prepared {
+    sequence: Sequence,
+    /// Our skeleton on the test frames.
+    truth: FittedSequence,
+    body: Arc<Body>,
+    model: Arc<dyn PoseModel>,
+}
+
+impl Prepared {
+    fn new(sequence: Sequence, eval: &StageEval) -> anyhow::Result<Self> {
+        let template = BodyModel::builtin().shape_for_stature(sequence.stature_m, None);
+        let fit = |range: std::ops::Range<usize>, with_rotations: bool| -> anyhow::Result<FittedSequence> {
+            let lengths: Vec<_> =
+                sequence.markers[range.clone()].iter().flatten().take(LENGTH_FRAMES).copied().collect();
+            ensure!(!lengths.is_empty(), "{}: no valid joints", sequence.folder.join("joints.csv").display());
+            let rest = personal_joints(template.rest_joints(), &lengths);
+            Ok(fit_sequence(&sequence, range, rest, with_rotations))
+        };
+        let test = sequence.test.start
+            ..sequence.test.start + eval.frames.unwrap_or(usize::MAX).min(sequence.test.len());
+        let truth = fit(test, false)?;
+        let model: Arc<dyn PoseModel> = match eval.train {
+            TrainOn::Sequence => {
+                let motion = fit(sequence.train.clone(), true)?.motion;
+                let prior =
+                    PosePrior::learn(&[motion], "", &PosePriorConfig::default()).with_context(|| {
+                        format!("{}: cannot learn from the training frames", sequence.folder.display())
+                    })?;
+                Arc::new(JointComponents::new(&prior, eval.config.components as usize))
+            }
+            TrainOn::None => {
+                let prior = PosePrior::builtin();
+                let params = TrackParams::new(eval.config.clone())?;
+                match eval.config.motion {
+                    Motion::Any => Arc::new(FreeJoints::new(&prior, params.widening())),
+                    Motion::Captured => {
+                        Arc::new(JointComponents::new(&prior, eval.config.components as usize))
+                    }
+                }
+            }
+        };
+        Ok(Self { body: Arc::new(template), truth, model, sequence })
+    }
+
+    /// The rows of one camera and kind of masks: one for each tracker.
+    fn rows(&self, eval: &StageEval, camera: &str, kind: &str) -> anyhow::Result<Vec<StageRow>> {
+        let masks = self.masks(camera, kind)?;
+        let seeds: Vec<TrackErrors> = (1..=eval.seeds)
+            .into_par_iter()
+            .map(|seed| {
+                let records = self.track(eval, camera, &masks, seed)?;
+                Ok(self.score(&records))
+            })
+            .collect::<anyhow::Result<_>>()?;
+        let (mean, spread) = mean_and_spread(&seeds);
+        Ok(vec![StageRow {
+            subject: self.sequence.subject.clone(),
+            activity: self.sequence.activity.clone(),
+            camera: camera.to_owned(),
+            method: "apf".to_owned(),
+            masks: kind.to_owned(),
+            mean,
+            spread,
+            seeds,
+        }])
+    }
+
+    fn n_frames(&self) -> usize {
+        self.truth.motion.poses.len()
+    }
+
+    /// The masks of the test frames.
+    fn masks(&self, camera: &str, kind: &str) -> anyhow::Result<Vec<Mask>> {
+        let path = self.sequence.masks_path(camera, kind);
+        let mut folder = MaskFolder::open(&path)?;
+        let mut masks = Vec::new();
+        for frame in 0..self.sequence.test.start + self.n_frames() {
+            let mask = folder.next_mask()?.with_context(|| {
+                format!("{}: holds {frame} masks, expected those of the test frames", path.display())
+            })?;
+            if frame >= self.sequence.test.start {
+                masks.push(mask);
+            }
+        }
+        Ok(masks)
+    }
+
+    fn track(
+        &self,
+        eval: &StageEval,
+        camera: &str,
+        masks: &[Mask],
+        seed: u64,
+    ) -> anyhow::Result<Vec<FrameRecord>> {
+        let config = TrackConfig { seed, stature_m: self.sequence.stature_m, ..eval.config.clone() };
+        let camera = self.sequence.camera(camera)?;
+        let mut follower = Follower::new(
+            self.body.clone(),
+            camera,
+            self.model.clone(),
+            self.sequence.fps,
+            TrackParams::new(config)?,
+        );
+        let mut records: Vec<FrameRecord> = Vec::with_capacity(masks.len());
+        for frame in 0..masks.len() {
+            let window: Vec<&Mask> = masks[frame..].iter().take(LOOK_AHEAD).collect();
+            records.extend(follower.step(frame as u64, &window)?);
+        }
+        ensure!(
+            records.len() == masks.len(),
+            "{}: nobody was seen on {} frames",
+            self.sequence.folder.display(),
+            masks.len() - records.len()
+        );
+        Ok(records)
+    }
+
+    fn score(&self, records: &[FrameRecord]) -> TrackErrors {
+        let (mut kept, mut truth) = (Vec::new(), Vec::new());
+        for (index, record) in records.iter().enumerate() {
+            let frame = self.sequence.test.start + index;
+            if let Some(markers) = &self.sequence.markers[frame] {
+                kept.push(record.clone());
+                truth.push(TrueFrame {
+                    markers,
+                    rotations: &self.sequence.rotations[frame],
+                    fitted: &self.truth.motion.poses[index],
+                });
+            }
+        }
+        score(&kept, &truth, self.body.rest_joints(), &moving_dofs(&self.truth.motion))
+    }
+}
+
+fn mean_and_spread(seeds: &[TrackErrors]) -> (TrackErrors, TrackErrors) {
+    let over = |figure: fn(&TrackErrors) -> f64| {
+        let average = mean(seeds.iter().map(figure));
+        let variance = seeds.iter().map(|seed| (figure(seed) - average).powi(2)).sum::<f64>();
+        (average, (variance / (seeds.len().max(2) - 1) as f64).sqrt())
+    };
+    let figures: [(f64, f64); 7] = [
+        over(|e| e.root_mm),
+        over(|e| e.abs_mm),
+        over(|e| e.aligned_mm),
+        over(|e| e.euler_deg),
+        over(|e| e.geodesic_deg),
+        over(|e| e.lost),
+        over(|e| e.far_off),
+    ];
+    let errors = |pick: fn(&(f64, f64)) -> f64| {
+        let [root_mm, abs_mm, aligned_mm, euler_deg, geodesic_deg, lost, far_off] =
+            [0, 1, 2, 3, 4, 5, 6].map(|i| pick(&figures[i]));
+        TrackErrors { root_mm, abs_mm, aligned_mm, euler_deg, geodesic_deg, lost, far_off }
+    };
+    (errors(|f| f.0), errors(|f| f.1))
+}
+
+/// The report as a table in Markdown.
+pub fn table(report: &StageReport) -> String {
+    let mut text = String::from(
+        "| sequence | camera | masks | tracker | root mm (sd) | absolute mm | aligned mm | Euler ° | geodesic ° | lost | > 150 mm |\n\
+         |---|---|---|---|---:|---:|---:|---:|---:|---:|---:|\n",
+    );
+    for row in &report.rows {
+        let m = &row.mean;
+        let _ = writeln!(
+            text,
+            "| {} {} | {} | {} | {} | {:.1} ({:.1}) | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} |",
+            row.subject,
+            row.activity,
+            row.camera,
+            row.masks,
+            row.method.to_uppercase(),
+            m.root_mm,
+            row.spread.root_mm,
+            m.abs_mm,
+            m.aligned_mm,
+            m.euler_deg,
+            m.geodesic_deg,
+            m.lost,
+            m.far_off
+        );
+    }
+    let mut groups: Vec<(&str, &str)> = Vec::new();
+    for row in &report.rows {
+        if !groups.contains(&(&row.method, &row.masks)) {
+            groups.push((&row.method, &row.masks));
+        }
+    }
+    for (method, masks) in groups {
+        let of = |figure: fn(&TrackErrors) -> f64| {
+            let is_main =
+                |row: &&StageRow| row.camera != OTHER_VIEW.2 && row.method == method && row.masks == masks;
+            mean(report.rows.iter().filter(is_main).map(|row| figure(&row.mean)))
+        };
+        let _ = writeln!(
+            text,
+            "| mean of {MAIN_CAMERA} | | {masks} | {} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} |",
+            method.to_uppercase(),
+            of(|e| e.root_mm),
+            of(|e| e.abs_mm),
+            of(|e| e.aligned_mm),
+            of(|e| e.euler_deg),
+            of(|e| e.geodesic_deg),
+            of(|e| e.lost),
+            of(|e| e.far_off)
+        );
+    }
+    let residual = mean(report.fit_residual_mm.iter().map(|(_, mm)| *mm));
+    let _ = writeln!(
+        text,
+        "\nFit of the skeleton to the true joints: {residual:.2} mm left (mean over sequences)."
+    );
+    text
+}
