@@ -1,0 +1,81 @@
+use rand::Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::*;
+use crate::rng::{Purpose, stream};
+
+/// Rows of a gait: 20 angles (radians) of two harmonics of a phase, at three strides, with a little noise.
+fn gait(n: usize, seed: u64) -> Inputs {
+    let mut rng = stream(seed, Purpose::Components);
+    let mut values = Vec::new();
+    for _ in 0..n {
+        let phase = std::f64::consts::TAU * f64::from(rng.next_u32()) / 4_294_967_296.0;
+        let stride = 0.8 + 0.2 * f64::from(rng.next_u32() % 3);
+        for d in 0..20 {
+            let d = f64::from(d);
+            let noise: f64 = StandardNormal.sample(&mut rng);
+            values
+                .push(stride * (0.5 * (phase + d).sin() + 0.15 * (2.0 * phase + d * d).cos()) + 0.01 * noise);
+        }
+    }
+    Inputs::from_rows(20, values).unwrap()
+}
+
+fn fit(outputs: &Inputs) -> SpectralLatentModel {
+    let params =
+        LatentParams::new(LatentConfig { n_dims: 3, max_landmarks: 240, ..LatentConfig::default() }).unwrap();
+    SpectralLatentModel::fit(outputs, &params).unwrap()
+}
+
+#[test]
+fn poses_it_has_not_seen_come_back() {
+    let model = fit(&gait(300, 1));
+    let test = gait(100, 2);
+    let mut error = 0.0;
+    for i in 0..test.len() {
+        let y = test.row_f64(i);
+        let decoded = model.decode(&model.encode(&y).mean);
+        error += y.iter().zip(&decoded).map(|(a, b)| (a - b).abs()).sum::<f64>() / (20.0 * test.len() as f64);
+    }
+    // The noise alone has a mean absolute value of 0.008 rad; 0.02 rad is 1.1 degrees.
+    assert!(error < 0.02, "mean absolute error {error} rad");
+    assert_eq!((model.latent_dim(), model.output_dim()), (3, 20));
+}
+
+#[test]
+fn prior_tells_gaits_from_other_points() {
+    let model = fit(&gait(300, 1));
+    let test = gait(50, 3);
+    let inside: f64 =
+        (0..50).map(|i| model.prior().log_density(&model.encode(&test.row_f64(i)).mean)).sum::<f64>() / 50.0;
+    assert!(inside > model.prior().log_density(&[6.0, 6.0, 6.0]) + 5.0);
+}
+
+#[test]
+fn jacobian_is_the_derivative() {
+    let model = fit(&gait(150, 4));
+    let x = [0.3, -0.2, 0.5];
+    let (mean, jacobian) = model.decoder().mean_and_jacobian(&x);
+    assert_eq!(mean, model.decode(&x));
+    for i in 0..3 {
+        let (mut up, mut down) = (x, x);
+        up[i] += 1e-5;
+        down[i] -= 1e-5;
+        for (d, (a, b)) in model.decode(&up).iter().zip(model.decode(&down)).enumerate() {
+            assert!(((a - b) / 2e-5 - jacobian[d][i]).abs() < 1e-6);
+        }
+    }
+}
+
+#[test]
+fn unusable_rows_are_named() {
+    let params = LatentParams::new(LatentConfig::default()).unwrap();
+    let few = Inputs::from_rows(2, [1.0, 2.0, 3.0, 4.0]).unwrap();
+    let error = SpectralLatentModel::fit(&few, &params).unwrap_err();
+    assert_eq!(error.to_string(), "2 rows for 5 latent dimensions, expected at least 7");
+    let alike = Inputs::from_rows(1, [1.0; 30]).unwrap();
+    assert_eq!(
+        SpectralLatentModel::fit(&alike, &params).unwrap_err().to_string(),
+        "all 30 rows are alike, expected some that differ"
+    );
+}
