@@ -84,7 +84,7 @@ impl Mode {
     }
 }
 
-/// Up to [`MODES`] Gaussians a pixel, heaviest first, each updated by the values that fall to it.
+/// Up to three Gaussians a pixel, heaviest first, each updated by the values that fall to it.
 #[derive(Clone, Debug)]
 pub struct MixtureModel {
     geometry: Geometry,
