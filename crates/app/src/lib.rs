@@ -3,8 +3,8 @@
 //! # Map
 //! [`cli`] what can be asked · [`config`] settings and their bounds · [`input`] frames and masks from video and folders ·
 //! [`track`] the tracker and the road of a clip · [`draw`] pictures of a tracked body · [`run_folder`] everything that a run
-//! writes · [`progress`] what a person who waits sees · [`stage`] sequences with true joints · [`eval`] accuracy against
-//! reference data
+//! writes · [`progress`] what a person who waits sees · [`stage`] sequences with true joints · [`synth`] walks of people whose
+//! bodies are known · [`eval`] accuracy against reference data
 
 pub mod cli;
 pub mod config;
@@ -14,4 +14,5 @@ pub mod input;
 pub mod progress;
 pub mod run_folder;
 pub mod stage;
+pub mod synth;
 pub mod track;

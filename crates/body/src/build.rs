@@ -156,8 +156,12 @@ fn skin_of(data: &BodiesData, template: &Template, vertex: usize) -> Vec<(u8, f3
     influences.iter().map(|&(joint, weight)| (joint, weight / sum)).collect()
 }
 
-/// The vertices of the soles below the rearmost points of the heels, left and right: where the heels touch the floor.
-fn heel_vertices(data: &BodiesData) -> Result<[u32; 2], BuildError> {
+/// The vertices of the soles below the rearmost points of the heels, left and right: where the heels touch the floor. They are
+/// the last two joints, which a population does not list.
+///
+/// # Errors
+/// When the landmarks of the heels are missing.
+pub fn heel_vertices(data: &BodiesData) -> Result<[u32; 2], BuildError> {
     let heel = |name: &'static str, ankle: JointId| {
         let landmark = data.landmarks.iter().find(|(known, _)| known == name);
         let (_, rearmost) = landmark.ok_or(BuildError::MissingLandmark { name })?;

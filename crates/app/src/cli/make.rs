@@ -45,7 +45,8 @@ pub struct FixturesArgs {
 pub fn assets(args: &AssetsArgs) -> anyhow::Result<()> {
     let data = data_folder(args.data.as_deref(), "")?;
     make_folder(&args.out)?;
-    let file = build_body_asset(&BodiesData::read(&data.join("bodies"))?, &BuildConfig::default())?;
+    let file =
+        build_body_asset(&BodiesData::read(&data.join("bodies"))?.training(), &BuildConfig::default())?;
     write(&args.out.join("umbra-body.bin"), &file.to_bytes())?;
     let model = BodyModel::from_file(file)?;
     let prior = build_pose_prior(&data.join("cmu"), model.mean().rest_joints())?;

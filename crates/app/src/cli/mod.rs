@@ -1,7 +1,7 @@
 //! The command line: what can be asked of `umbra`, and with which exit status it answers.
 
 mod demo;
-mod eval;
+pub(crate) mod eval;
 mod info;
 mod make;
 mod track;

@@ -111,15 +111,18 @@ fn says_why_there_is_no_model() {
 fn held_out_bodies_lie_on_the_template() {
     let Some(folder) = crate::test_data::folder() else { return };
     let data = BodiesData::read(&folder.join("bodies")).unwrap();
-    let n_training = 1_000;
-    let training = BodiesData {
-        coefficients: data.coefficients[..n_training].to_vec(),
-        is_female: data.is_female[..n_training].to_vec(),
-        ..data.clone()
-    };
+    let n_training = data.held_out().start;
+    assert_eq!(n_training, 1_000);
+    let training = data.clone().training();
     let model = BodyModel::from_file(build_body_asset(&training, &BuildConfig::default()).unwrap()).unwrap();
     let builtin = BodyModel::builtin();
     assert_eq!(model.triangles(), builtin.triangles(), "the asset in the repository is not of this program");
+    let (trained, shipped) = (model.mean(), builtin.mean());
+    assert_eq!(
+        trained.rest_vertices(),
+        shipped.rest_vertices(),
+        "the asset was not made of the training bodies"
+    );
     let fit = SurfaceFit::new(&data, &model.template().source_vertices, model.triangles()).unwrap();
     let (mut distances, mut joint_errors) = (Vec::new(), Vec::new());
     for body in n_training..data.coefficients.len() {

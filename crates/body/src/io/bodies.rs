@@ -1,5 +1,6 @@
 //! Reader of a population of bodies on one mesh: a folder of NumPy arrays and tables.
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
@@ -161,6 +162,22 @@ impl BodiesData {
             joint_basis,
             part_names,
         })
+    }
+
+    /// The bodies that nothing may be trained on: the last sixth. The shape space, the predictors and their calibration see
+    /// the others only, so that these can test them.
+    pub fn held_out(&self) -> Range<usize> {
+        let n_bodies = self.coefficients.len();
+        n_bodies - n_bodies / 6..n_bodies
+    }
+
+    /// The population without the bodies [held out](Self::held_out).
+    #[must_use]
+    pub fn training(mut self) -> Self {
+        let n_training = self.held_out().start;
+        self.coefficients.truncate(n_training);
+        self.is_female.truncate(n_training);
+        self
     }
 
     /// Vertices of body `index`, metres, body frame.
