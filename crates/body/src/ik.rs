@@ -13,6 +13,7 @@ use crate::skeleton::{JointId, N_DOF, Skeleton};
 
 mod start;
 
+pub(crate) use start::rigid_fit;
 pub use start::{initial_pose, solve_from_scratch};
 
 /// Unknowns: root position, small rotation of the root about the world's axes, joint angles.
@@ -263,7 +264,7 @@ impl Problem<'_> {
 }
 
 /// The axis of every angle in the world, `[n_dof]`; each is turned by the angles before it at its joint.
-fn world_axes(skeleton: &Skeleton, frames: &JointTransforms, pose: &Pose) -> [DVec3; N_DOF] {
+pub(crate) fn world_axes(skeleton: &Skeleton, frames: &JointTransforms, pose: &Pose) -> [DVec3; N_DOF] {
     let mut axes = [DVec3::ZERO; N_DOF];
     for joint in JointId::all() {
         let Some(parent) = joint.parent() else { continue };

@@ -4,8 +4,10 @@
 pub mod bodies;
 pub mod cameras;
 mod fields;
+pub mod landmarks;
 pub mod meshes;
 pub mod mocap;
 
 pub use cameras::{CameraFile, LoadCameraError, load_camera};
-pub use meshes::{LoadMeshError, MeshFile, WriteMeshError, load_mesh, write_obj};
+pub use landmarks::{LoadLandmarksError, load_landmarks};
+pub use meshes::{LengthUnit, LoadMeshError, MeshFile, WriteMeshError, load_mesh, write_obj};

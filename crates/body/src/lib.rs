@@ -10,7 +10,7 @@
 //! [`skeleton`] joints, degrees of freedom, limits · [`pose`] angles and forward kinematics · [`model`] template and shape
 //! space, bodies · [`skin`] posed vertices · [`camera`] · [`ik`] · [`mocap`] recorded motion · [`retarget`] its
 //! poses on our skeleton · [`pose_prior`] what they say of poses and steps · [`io`] files · [`mesh`] nearest points,
-//! crossings · [`build`] makes model and prior from data, [`asset`] and [`container`] their files
+//! crossings · [`register`] template onto scan · [`build`] makes model and prior from data, [`asset`] and [`container`] their files
 //! # References
 //! The keys in brackets, such as `[NorkinWhite2016]`, are listed in `docs/papers.md`.
 
@@ -26,6 +26,7 @@ pub mod mocap;
 pub mod model;
 pub mod pose;
 pub mod pose_prior;
+pub mod register;
 pub mod retarget;
 pub mod skeleton;
 pub mod skin;

@@ -5,9 +5,11 @@ use std::collections::HashMap;
 use glam::DVec3;
 
 mod crossing;
+mod points;
 mod tree;
 
 pub use crossing::{crossing_triangles, triangles_cross};
+pub use points::PointTree;
 pub use tree::{Nearest, TriangleTree};
 
 #[cfg(test)]

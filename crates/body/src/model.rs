@@ -168,6 +168,16 @@ impl BodyModel {
         &self.variance_shares
     }
 
+    /// Directions of shape, metres per standard deviation, `[n_components]` of `[n_vertices]`.
+    pub(crate) fn vertex_basis(&self) -> &[Vec<[f32; 3]>] {
+        &self.vertex_basis
+    }
+
+    /// What they do to the joints, metres per standard deviation, `[n_components]`.
+    pub(crate) fn joint_basis(&self) -> &[RestJoints] {
+        &self.joint_basis
+    }
+
     /// The mean body.
     pub fn mean(&self) -> Body {
         self.shape(&[])

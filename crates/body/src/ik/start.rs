@@ -114,7 +114,7 @@ fn is_shoulder(joint: JointId) -> bool {
 
 /// The rigid motion that brings the first points of `pairs` closest to the second ones (`[Kabsch1976]`); `None` when
 /// fewer than three or all in a line.
-fn rigid_fit(pairs: &[(DVec3, DVec3)]) -> Option<DAffine3> {
+pub(crate) fn rigid_fit(pairs: &[(DVec3, DVec3)]) -> Option<DAffine3> {
     if pairs.len() < 3 {
         return None;
     }

@@ -19,6 +19,54 @@ pub struct MeshFile {
     pub triangles: Vec<[u32; 3]>,
 }
 
+/// Unit of the lengths in a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LengthUnit {
+    /// 1 m.
+    Metre,
+    /// 0.01 m.
+    Centimetre,
+    /// 0.001 m.
+    Millimetre,
+}
+
+impl LengthUnit {
+    /// Largest first.
+    pub const ALL: [Self; 3] = [Self::Metre, Self::Centimetre, Self::Millimetre];
+    /// Largest extents of a scan of a person that are believed, metres: with arms raised, or with somebody beside.
+    const PERSON_M: [f64; 2] = [1.0, 6.0];
+
+    /// Metres in one unit.
+    pub const fn metres(self) -> f64 {
+        match self {
+            Self::Metre => 1.0,
+            Self::Centimetre => 0.01,
+            Self::Millimetre => 0.001,
+        }
+    }
+
+    /// `m`, `cm` or `mm`.
+    pub const fn symbol(self) -> &'static str {
+        match self {
+            Self::Metre => "m",
+            Self::Centimetre => "cm",
+            Self::Millimetre => "mm",
+        }
+    }
+
+    /// The unit in which something of this largest extent is a person, if there is one.
+    ///
+    /// ```
+    /// use body::io::meshes::LengthUnit;
+    /// assert_eq!(LengthUnit::of_person(1_740.0), Some(LengthUnit::Millimetre));
+    /// assert_eq!(LengthUnit::of_person(0.02), None);
+    /// ```
+    pub fn of_person(extent: f64) -> Option<Self> {
+        let [least, most] = Self::PERSON_M;
+        Self::ALL.into_iter().find(|unit| (least..=most).contains(&(extent * unit.metres())))
+    }
+}
+
 /// Why a mesh cannot be read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
