@@ -1,4 +1,4 @@
-//! The shell of the crate's binary files: magic, version, length, data, checksum.
+//! The shell of binary files, those of this crate and others: magic, version, length, data, checksum.
 //!
 //! | bytes | content |
 //! |---|---|
@@ -34,7 +34,7 @@ pub enum ContainerError {
 ///
 /// # Panics
 /// When `magic` has not 8 bytes or the data exceed 4 GiB.
-pub(crate) fn seal(magic: &'static str, version: u32, data: &[u8]) -> Vec<u8> {
+pub fn seal(magic: &'static str, version: u32, data: &[u8]) -> Vec<u8> {
     assert_eq!(magic.len(), 8, "magic `{magic}`");
     let length = u32::try_from(data.len()).expect("the crate's files are a few megabytes");
     let checksum = crc32fast::hash(data).to_le_bytes();
@@ -42,11 +42,10 @@ pub(crate) fn seal(magic: &'static str, version: u32, data: &[u8]) -> Vec<u8> {
 }
 
 /// The data of a file that [`seal`] made.
-pub(crate) fn open<'a>(
-    magic: &'static str,
-    version: u32,
-    bytes: &'a [u8],
-) -> Result<&'a [u8], ContainerError> {
+///
+/// # Errors
+/// [`ContainerError`] when it is of another kind or version, cut short or damaged.
+pub fn open<'a>(magic: &'static str, version: u32, bytes: &'a [u8]) -> Result<&'a [u8], ContainerError> {
     if !bytes.starts_with(magic.as_bytes()) {
         return Err(ContainerError::Magic { expected: magic });
     }

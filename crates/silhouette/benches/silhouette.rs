@@ -4,7 +4,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use silhouette::background::StaticModel;
 use silhouette::descriptor::{
     Codebook, CodebookConfig, CropComponents, CropComponentsConfig, Descriptor, ShapeContextHistogram,
-    contour_contexts, crop_coverage,
+    contour_contexts, crop_distances,
 };
 use silhouette::{Geometry, Mask, RgbView, Segmenter, SegmenterConfig, SegmenterParams};
 
@@ -55,7 +55,7 @@ fn describe(c: &mut Criterion) {
     let config = CodebookConfig { n_rounds: 5, ..CodebookConfig::default() };
     let histogram =
         ShapeContextHistogram::new(Codebook::learn(&contexts, &config).expect("enough contexts"), 1);
-    let crops: Vec<_> = masks.iter().filter_map(crop_coverage).collect();
+    let crops: Vec<_> = masks.iter().filter_map(crop_distances).collect();
     let components = CropComponents::learn(&crops, &CropComponentsConfig::default()).expect("enough crops");
     let mask = blob(1.0);
     c.bench_function("shape-context histogram 1088x1920, K 400", |b| b.iter(|| histogram.describe(&mask)));

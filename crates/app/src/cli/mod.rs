@@ -5,6 +5,7 @@ pub(crate) mod eval;
 mod info;
 mod make;
 mod track;
+mod train;
 
 use std::process::ExitCode;
 
@@ -32,6 +33,8 @@ enum Command {
     /// Measure accuracy against reference data.
     #[command(subcommand)]
     Eval(eval::EvalCommand),
+    /// Train pose predictors on sequences with known poses.
+    Train(train::TrainArgs),
     /// Build the body model and the pose prior from their source data.
     Assets(make::AssetsArgs),
     /// Make the bundled test input from its source data.
@@ -46,6 +49,7 @@ pub fn main() -> ExitCode {
         Command::Track(args) => track::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Eval(command) => eval::run(&command),
+        Command::Train(args) => train::run(&args),
         Command::Assets(args) => make::assets(&args),
         Command::Fixtures(args) => make::fixtures(&args),
     };

@@ -155,6 +155,11 @@ impl ShapeContextHistogram {
     pub fn codebook(&self) -> &Codebook {
         &self.codebook
     }
+
+    /// The power of the distance that contexts are shared out by.
+    pub fn sharpness(&self) -> i32 {
+        self.sharpness
+    }
 }
 
 impl Descriptor for ShapeContextHistogram {

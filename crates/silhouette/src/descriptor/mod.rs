@@ -6,7 +6,8 @@ mod shape_context;
 
 pub use codebook::{Codebook, CodebookConfig, CodebookError, ShapeContextHistogram};
 pub use crop::{
-    CROP_HEIGHT, CROP_WIDTH, CropComponents, CropComponentsConfig, CropComponentsError, crop_coverage,
+    CROP_HEIGHT, CROP_WIDTH, CropComponents, CropComponentsConfig, CropComponentsError, FARTHEST_PX,
+    crop_distances,
 };
 pub use shape_context::{
     ANGULAR_BINS, CONTEXT_BINS, CONTOUR_POINTS, RADIAL_BINS, ShapeContext, contour_contexts, shape_contexts,

@@ -47,7 +47,7 @@ fn histogram_descriptor() -> ShapeContextHistogram {
 }
 
 fn crop_descriptor() -> CropComponents {
-    let crops: Vec<Vec<f32>> = training_figures().iter().filter_map(crop_coverage).collect();
+    let crops: Vec<Vec<f32>> = training_figures().iter().filter_map(crop_distances).collect();
     CropComponents::learn(&crops, &CropComponentsConfig { n_components: 10, seed: 0 }).unwrap()
 }
 
@@ -217,7 +217,7 @@ fn assignment_by_hand() {
 
 #[test]
 fn components_are_those_of_the_covariance() {
-    let crops: Vec<Vec<f32>> = training_figures().iter().filter_map(crop_coverage).collect();
+    let crops: Vec<Vec<f32>> = training_figures().iter().filter_map(crop_distances).collect();
     let learned = crop_descriptor();
     let components: Vec<&[f32]> = learned.components().collect();
     let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum::<f64>();

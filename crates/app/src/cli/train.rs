@@ -1,0 +1,112 @@
+//! `umbra train`: predictors of poses from masks.
+
+use std::fs;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use anyhow::Context as _;
+use clap::Args;
+
+use super::eval::data_folder;
+use crate::progress::note;
+use crate::stage::Sequence;
+use crate::train::validate::cross_validate;
+use crate::train::{DescriptorKind, TrainConfig, train_on_sequence};
+
+/// Arguments of `umbra train`.
+#[derive(Debug, Args)]
+pub struct TrainArgs {
+    /// A stage-like data set [default: as UMBRA_DATA names it].
+    #[arg(long, value_name = "FOLDER")]
+    stage: Option<PathBuf>,
+    /// Sequences of it, as `S1/Walking_1`.
+    #[arg(long, value_name = "SEQUENCE", num_args = 1.., required = true)]
+    sequence: Vec<String>,
+    /// The camera whose masks are learned from.
+    #[arg(long, default_value = "C2")]
+    camera: String,
+    /// Kind of masks: `observed` or `clean`.
+    #[arg(long, default_value = "observed")]
+    masks: String,
+    /// What describes a mask.
+    #[arg(long, value_enum, default_value = "crop")]
+    descriptor: DescriptorKind,
+    /// Where the models go, one file a sequence.
+    #[arg(long, value_name = "FOLDER", default_value = "models")]
+    out: PathBuf,
+    /// Hold parts of the training frames out and print the errors there; writes no model.
+    #[arg(long)]
+    validate: bool,
+    /// Coordinates of a pose.
+    #[arg(long, value_name = "NUMBER", default_value_t = TrainConfig::default().pose_dim)]
+    pose_dim: usize,
+    /// Views rendered of each pose, beside those that were filmed.
+    #[arg(long, value_name = "NUMBER", default_value_t = TrainConfig::default().views_per_pose)]
+    views_per_pose: usize,
+    /// Sectors of headings with experts of their own.
+    #[arg(long, value_name = "NUMBER", default_value_t = TrainConfig::default().experts.n_views)]
+    sectors: usize,
+    /// Experts for each coordinate in each sector.
+    #[arg(long, value_name = "NUMBER", default_value_t = TrainConfig::default().experts.experts_per_output)]
+    experts: usize,
+    /// Learn from mirror images, too: for poses that may be met from any side.
+    #[arg(long)]
+    mirror: bool,
+    /// Seed of everything that is drawn.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+}
+
+impl TrainArgs {
+    fn config(&self) -> TrainConfig {
+        let mut config = TrainConfig {
+            descriptor: self.descriptor,
+            pose_dim: self.pose_dim,
+            views_per_pose: self.views_per_pose,
+            mirror: self.mirror,
+            seed: self.seed,
+            ..TrainConfig::default()
+        };
+        config.experts.n_views = self.sectors;
+        config.experts.experts_per_output = self.experts;
+        config
+    }
+}
+
+/// Trains, or validates, one sequence after the other.
+pub fn run(args: &TrainArgs) -> anyhow::Result<()> {
+    let stage = data_folder(args.stage.as_deref(), "stage")?;
+    let config = args.config();
+    for name in &args.sequence {
+        let sequence = Sequence::read(&stage.join(name))?;
+        let start = Instant::now();
+        if args.validate {
+            let errors = cross_validate(&sequence, &args.camera, &args.masks, &config)?;
+            note(&format!(
+                "{name}: mean {:.1} mm, mode {:.1}, best of five {:.1}, with the true heading {:.1}; heading {:.1} degrees; ln p {:.2}; {:.1} s",
+                errors.mean_mm,
+                errors.mode_mm,
+                errors.best_mode_mm,
+                errors.true_heading_mm,
+                errors.heading_deg,
+                errors.log_density,
+                start.elapsed().as_secs_f64(),
+            ));
+        } else {
+            let predictor = train_on_sequence(&sequence, &args.camera, &args.masks, &config)?;
+            let bytes = predictor.to_bytes();
+            fs::create_dir_all(&args.out)
+                .with_context(|| format!("{}: cannot make the folder", args.out.display()))?;
+            let path = args.out.join(format!("{}.bin", name.replace('/', "-")));
+            fs::write(&path, &bytes).with_context(|| format!("{}: cannot write", path.display()))?;
+            note(&format!(
+                "{}: {} masks, {:.1} MB, {:.1} s",
+                path.display(),
+                predictor.training().n_masks,
+                bytes.len() as f64 / 1e6,
+                start.elapsed().as_secs_f64()
+            ));
+        }
+    }
+    Ok(())
+}

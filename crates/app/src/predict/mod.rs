@@ -1,0 +1,19 @@
+//! Poses straight from a mask: what a mixture of experts, trained on masks with known poses, says of a new one.
+//!
+//! A [`PosePredictor`] describes the mask, and its experts answer with a density over heading and pose
+//! ([`PoseDensity`]): to be sampled, to weigh a pose by, to take a few modes from. The answer is a [`ViewedPose`], which
+//! becomes a pose in the world with the place of camera and pelvis. [`LatentDynamics`] says how poses go on.
+
+mod descriptor;
+mod dynamics;
+mod file;
+mod pose_space;
+mod predictor;
+mod viewed;
+
+pub use descriptor::{MaskDescriptor, person_in};
+pub use dynamics::{DynamicsError, LatentDynamics};
+pub use file::LoadPredictorError;
+pub use pose_space::PoseSpace;
+pub use predictor::{PoseDensity, PoseMode, PosePredictor, Training};
+pub use viewed::{ViewedPose, wrapped};

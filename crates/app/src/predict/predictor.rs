@@ -1,0 +1,135 @@
+//! The predictor: a description of the mask, and experts over it.
+
+use bme::{
+    HierarchicalDensity, HierarchicalMixture, OnlineUpdate as _, UpdateError, UpdateReport, heading_of,
+};
+use rand::Rng;
+use silhouette::Mask;
+
+use super::descriptor::MaskDescriptor;
+use super::pose_space::PoseSpace;
+use super::viewed::ViewedPose;
+
+/// What a predictor was trained for.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Training {
+    /// Source and licence of the training data.
+    pub notice: String,
+    /// What the people in it do, as `walk`.
+    pub activity: String,
+    /// Heights of the cameras above the floor, least and largest, metres.
+    pub camera_height_m: [f64; 2],
+    /// Masks it was trained on, mirror images counted.
+    pub n_masks: u64,
+}
+
+/// Predicts heading and pose from a mask.
+#[derive(Clone, Debug)]
+pub struct PosePredictor {
+    pub(super) training: Training,
+    pub(super) descriptor: MaskDescriptor,
+    pub(super) space: PoseSpace,
+    pub(super) experts: HierarchicalMixture,
+}
+
+/// A local maximum of a [`PoseDensity`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct PoseMode {
+    /// Where it is.
+    pub pose: ViewedPose,
+    /// ln of the density there.
+    pub log_density: f64,
+}
+
+impl PosePredictor {
+    /// Puts trained parts together.
+    ///
+    /// # Panics
+    /// When the experts are over another description or other coordinates.
+    pub fn new(
+        training: Training,
+        descriptor: MaskDescriptor,
+        space: PoseSpace,
+        experts: HierarchicalMixture,
+    ) -> Self {
+        let (inputs, expected) = (experts.input_dim(), descriptor.descriptor().dimension());
+        assert_eq!(inputs, expected, "experts over {inputs} numbers, a descriptor of {expected}");
+        let (outputs, expected) = (experts.output_dim(), space.dim() + 2);
+        assert_eq!(outputs, expected, "experts of {outputs} numbers, a space and heading of {expected}");
+        Self { training, descriptor, space, experts }
+    }
+
+    /// What it was trained for.
+    pub fn training(&self) -> &Training {
+        &self.training
+    }
+
+    /// The coordinates that its experts predict.
+    pub fn space(&self) -> &PoseSpace {
+        &self.space
+    }
+
+    /// p(heading, pose | mask); `None` when there is no person in the mask. The size of the image does not matter.
+    pub fn density(&self, mask: &Mask) -> Option<PoseDensity<'_>> {
+        let description = self.descriptor.describe(mask)?;
+        Some(PoseDensity { space: &self.space, density: self.experts.density(&description) })
+    }
+
+    /// Learns that `mask` shows `pose`, with a weight above 0 and at most 1; a mask without a person teaches nothing.
+    ///
+    /// # Errors
+    /// When the pose is not finite or the weight out of range; the predictor is then as it was.
+    pub fn learn(
+        &mut self,
+        mask: &Mask,
+        pose: &ViewedPose,
+        weight: f64,
+    ) -> Result<UpdateReport, UpdateError> {
+        match self.descriptor.describe(mask) {
+            Some(description) => self.experts.update(&description, &point(&self.space, pose), weight),
+            None => Ok(UpdateReport::default()),
+        }
+    }
+}
+
+/// What a predictor says of one mask.
+#[derive(Clone, Debug)]
+pub struct PoseDensity<'a> {
+    space: &'a PoseSpace,
+    density: HierarchicalDensity,
+}
+
+impl PoseDensity<'_> {
+    /// A random pose.
+    pub fn sample<R: Rng + ?Sized>(&self, rng: &mut R) -> ViewedPose {
+        self.pose(&self.density.sample(rng))
+    }
+
+    /// ln p of the coordinates of `pose` and of the cosine and sine of its heading. What the coordinates leave out of a
+    /// pose costs nothing.
+    pub fn log_density(&self, pose: &ViewedPose) -> f64 {
+        self.density.log_density(&point(self.space, pose))
+    }
+
+    /// The mean of coordinates and heading: the answer with the least mean square error where there is one mode.
+    pub fn mean(&self) -> ViewedPose {
+        self.pose(&self.density.mean())
+    }
+
+    /// The `limit` highest modes, highest first.
+    pub fn modes(&self, limit: usize) -> Vec<PoseMode> {
+        let modes = self.density.modes(limit).into_iter();
+        modes.map(|mode| PoseMode { pose: self.pose(&mode.at), log_density: mode.log_density }).collect()
+    }
+
+    fn pose(&self, point: &[f64]) -> ViewedPose {
+        self.space.decode(heading_of(point), &point[..self.space.dim()])
+    }
+}
+
+/// Coordinates, then cosine and sine of the heading: what the experts predict.
+fn point(space: &PoseSpace, pose: &ViewedPose) -> Vec<f64> {
+    let mut point = space.encode(pose);
+    point.extend([pose.heading_rad.cos(), pose.heading_rad.sin()]);
+    point
+}

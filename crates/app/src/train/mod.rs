@@ -1,0 +1,15 @@
+//! Training of pose predictors and dynamics, from masks with known poses.
+//!
+//! [`Examples`] come from the training frames of a sequence ([`train_on_sequence`]) or are rendered from recorded motion
+//! ([`render`]). [`fit_predictor`] makes a predictor of them.
+
+mod examples;
+mod fit;
+pub mod noise;
+pub mod render;
+mod sequence;
+pub mod validate;
+
+pub use examples::Examples;
+pub use fit::{DescriptorKind, TrainConfig, fit_predictor};
+pub use sequence::{fitted_motion, sequence_masks, train_on_sequence};
