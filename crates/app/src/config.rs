@@ -17,6 +17,48 @@ pub enum Motion {
     Captured,
 }
 
+/// The tracker: what of the bottom-up predictor it uses, and where.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// Annealed particle filter: particles come from the motion prior.
+    Apf,
+    /// Joint particle filter: from a mixture of the motion prior and the predictor.
+    Jpf,
+    /// Joint likelihood model: from the motion prior; the predictor has a part in the likelihood.
+    Jlm,
+}
+
+impl Method {
+    /// Its name in tables.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Apf => "APF",
+            Self::Jpf => "JPF",
+            Self::Jlm => "JLM",
+        }
+    }
+}
+
+/// What particles of a mixture of sources weigh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Weighting {
+    /// Their likelihood, as in the paper.
+    Paper,
+    /// Their likelihood times p / q, with the density q of the mixture: exact.
+    Importance,
+}
+
+impl From<Weighting> for pf_core::proposal::Weighting {
+    fn from(weighting: Weighting) -> Self {
+        match weighting {
+            Weighting::Paper => Self::LikelihoodOnly,
+            Weighting::Importance => Self::Importance,
+        }
+    }
+}
+
 /// Settings of a tracking run, unchecked; every default of the product stands here.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -29,6 +71,16 @@ pub struct TrackConfig {
     pub layers: u32,
     /// Filters side by side, each with so many particles and layers.
     pub modes: u32,
+    /// The tracker.
+    pub method: Method,
+    /// What particles weigh under [`Method::Jpf`].
+    pub weighting: Weighting,
+    /// Share of the particles that come from the predictor on the first frame, under [`Method::Jpf`].
+    pub cue_share: f64,
+    /// Least share of the particles that come from either source, likewise.
+    pub least_share: f64,
+    /// Exponent of the predictor's density under [`Method::Jlm`].
+    pub cue_exponent: f64,
     /// Which motions are expected.
     pub motion: Motion,
     /// Principal components kept by [`Motion::Captured`].
@@ -74,6 +126,11 @@ impl Default for TrackConfig {
             particles: 200,
             layers: 10,
             modes: 3,
+            method: Method::Jpf,
+            weighting: Weighting::Paper,
+            cue_share: 0.5,
+            least_share: 0.05,
+            cue_exponent: 0.35,
             motion: Motion::Any,
             components: 12,
             stature_m: 1.78,
@@ -123,6 +180,14 @@ impl TrackParams {
         check("layers", f64::from(c.layers), 1.0..=100.0, "1 to 100")?;
         check("modes", f64::from(c.modes), 1.0..=8.0, "1 to 8")?;
         check("components", f64::from(c.components), 1.0..=49.0, "1 to 49")?;
+        check(
+            "cue_share",
+            c.cue_share,
+            c.least_share..=1.0 - c.least_share,
+            "`least_share` to 1 - `least_share`",
+        )?;
+        check("least_share", c.least_share, 1e-6..=0.5, "0.000001 to 0.5")?;
+        check("cue_exponent", c.cue_exponent, 0.0..=1.0, "0 to 1")?;
         check("stature_m", c.stature_m, 1.2..=2.3, "1.2 to 2.3 metres")?;
         if let Some(heading) = c.initial_heading_deg {
             check("initial_heading_deg", heading, -360.0..=360.0, "-360 to 360 degrees")?;

@@ -8,6 +8,7 @@ use anyhow::bail;
 use clap::{Args, Subcommand};
 
 use super::track::{SettingsArgs, exec_config, parse_frames};
+use crate::config::Method;
 use crate::eval::{real, stage, stage_masks};
 
 /// What is evaluated.
@@ -52,15 +53,24 @@ pub struct StageArgs {
     /// Subjects, separated by commas [default: all].
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     subjects: Vec<String>,
+    /// Activities, separated by commas [default: all].
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    activities: Vec<String>,
     /// Kinds of masks, separated by commas.
     #[arg(long, value_name = "KINDS", value_delimiter = ',', default_value = "observed")]
     masks: Vec<String>,
+    /// Trackers, separated by commas.
+    #[arg(long, value_name = "NAMES", value_enum, value_delimiter = ',', default_value = "apf,jpf,jlm")]
+    methods: Vec<Method>,
     /// What the trackers learn from.
     #[arg(long, value_enum, default_value_t = stage::TrainOn::Sequence)]
     train: stage::TrainOn,
     /// Number of seeds: 1, 2, and so on.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..))]
     seeds: u64,
+    /// Also replace the pose by a wrong one in the middle of each track, and count how often the tracker finds back.
+    #[arg(long)]
+    recovery: bool,
     /// So many of the test frames only.
     #[arg(long, value_name = "N")]
     frames: Option<usize>,
@@ -103,12 +113,15 @@ pub fn run(command: &EvalCommand) -> anyhow::Result<()> {
             let report = stage::evaluate(&stage::StageEval {
                 data: data_folder(args.data.as_deref(), "stage")?,
                 subjects: args.subjects.clone(),
+                activities: args.activities.clone(),
                 masks: args.masks.clone(),
+                methods: args.methods.clone(),
                 train: args.train,
                 seeds: args.seeds,
+                recovery: args.recovery,
                 frames: args.frames,
                 out: args.out.clone(),
-                config: args.settings.config()?,
+                config: args.settings.config_over(stage::default_config())?,
                 exec: exec_config(args.threads)?,
             })?;
             stage::table(&report)

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context as _, bail};
 use clap::Args;
 
-use crate::config::{ExecConfig, Motion, TrackConfig};
+use crate::config::{ExecConfig, Method, Motion, TrackConfig, Weighting};
 use crate::progress::note;
 use crate::run_folder::Existing;
 use crate::track::{Background, CameraChoice, ClipInput, TrackJob, TrackOutcome, track_clip};
@@ -86,6 +86,14 @@ pub struct SettingsArgs {
     particles: Option<u32>,
     #[arg(long, value_name = "N", help = or_else("Annealing layers a frame", defaults().layers))]
     layers: Option<u32>,
+    #[arg(long, value_name = "N", help = or_else("Filters side by side, each with so many particles", defaults().modes))]
+    modes: Option<u32>,
+    /// The tracker [default: jpf, which is apf where no predictor is at hand].
+    #[arg(long, value_enum)]
+    method: Option<Method>,
+    /// What particles weigh under jpf [default: paper].
+    #[arg(long, value_enum)]
+    weighting: Option<Weighting>,
     /// Motions that are expected [default: any].
     #[arg(long, value_enum)]
     motion: Option<Motion>,
@@ -105,8 +113,13 @@ fn or_else(what: &str, value: impl std::fmt::Display) -> String {
 impl SettingsArgs {
     /// The settings of the file, if one is given, under those of the command line.
     pub fn config(&self) -> anyhow::Result<TrackConfig> {
+        self.config_over(TrackConfig::default())
+    }
+
+    /// The same, with other defaults.
+    pub fn config_over(&self, defaults: TrackConfig) -> anyhow::Result<TrackConfig> {
         let mut config = match &self.config {
-            None => TrackConfig::default(),
+            None => defaults,
             Some(path) => {
                 let text = std::fs::read_to_string(path)
                     .with_context(|| format!("{}: cannot read the settings", path.display()))?;
@@ -115,6 +128,9 @@ impl SettingsArgs {
         };
         set(&mut config.particles, self.particles);
         set(&mut config.layers, self.layers);
+        set(&mut config.modes, self.modes);
+        set(&mut config.method, self.method);
+        set(&mut config.weighting, self.weighting);
         set(&mut config.motion, self.motion);
         set(&mut config.stature_m, self.stature_m);
         Ok(config)

@@ -1,16 +1,17 @@
 //! Follows a person through a clip: decides when to start, and starts again after a loss.
 
-use std::sync::Arc;
-
 use anyhow::Context as _;
-use body::{Body, Camera};
+use body::{Camera, Pose};
+use glam::DVec2;
+use pf_core::rng::{Draw, Purpose, particle_rng};
 use serde::{Deserialize, Serialize};
 use silhouette::Mask;
 
+use super::cue::Cue;
+use super::likelihood::Observation;
 use super::modes::{Modes, ModesState};
-use super::pose_model::PoseModel;
+use super::state::BodySpace;
 use super::tracker::Scene;
-use crate::config::TrackParams;
 use crate::run_folder::{FrameRecord, Status};
 
 /// A mask of fewer pixels, at full resolution, shows nobody.
@@ -18,11 +19,9 @@ const LEAST_AREA_PX: u64 = 400;
 
 /// Follows one person before one camera.
 pub struct Follower {
-    body: Arc<Body>,
-    camera: Camera,
-    model: Arc<dyn PoseModel>,
-    fps: f64,
-    params: TrackParams,
+    /// The scene at the resolution of the masks.
+    scene: Scene,
+    space: BodySpace,
     following: Option<Following>,
 }
 
@@ -42,15 +41,10 @@ struct FollowerState {
 }
 
 impl Follower {
-    /// A follower that has seen nobody yet. `camera` is at the resolution of the masks, of which there are `fps` a second.
-    pub fn new(
-        body: Arc<Body>,
-        camera: Camera,
-        model: Arc<dyn PoseModel>,
-        fps: f64,
-        params: TrackParams,
-    ) -> Self {
-        Self { body, camera, model, fps, params, following: None }
+    /// A follower that has seen nobody yet. The camera of `scene` is at the resolution of the masks.
+    pub fn new(scene: Scene) -> Self {
+        let space = BodySpace::new(scene.model.clone());
+        Self { scene, space, following: None }
     }
 
     /// Works on the first of `masks`, that of frame `frame`; the others are those of the frames after it, which a start
@@ -62,40 +56,54 @@ impl Follower {
         let shows_somebody = masks[0].area() >= LEAST_AREA_PX;
         let must_start = self.following.as_ref().is_none_or(|following| following.is_lost);
         if must_start && shows_somebody {
-            let heading_deg = if self.following.is_none() { self.params.initial_heading_deg } else { None };
+            let heading_deg =
+                if self.following.is_none() { self.scene.params.initial_heading_deg } else { None };
             self.following = Some(self.start(frame, masks, heading_deg)?);
         }
+        let Some(following) = &self.following else { return Ok(None) };
+        let seen = shows_somebody.then(|| self.observation(frame, masks[0], following.modes.camera()));
         let Some(following) = &mut self.following else { return Ok(None) };
-        let record = if shows_somebody {
-            following.modes.step(&reduced(masks[0], following.modes.camera()))?
-        } else {
-            following.modes.coast()?
-        };
+        let record =
+            if let Some(seen) = seen { following.modes.step(&seen)? } else { following.modes.coast()? };
         following.is_lost = record.status == Status::Lost;
         Ok(Some(record))
     }
 
     fn start(&self, frame: u64, masks: &[&Mask], heading_deg: Option<f64>) -> anyhow::Result<Following> {
         let rows = masks[0].bounding_box().map_or(1, |person| person.height());
-        let scale = (self.params.working_height_px / f64::from(rows)).min(1.0);
-        let scene = self.scene(scale);
-        let reduced: Vec<Mask> = masks
-            .iter()
-            .take_while(|mask| mask.area() >= LEAST_AREA_PX)
-            .map(|mask| reduced(mask, &scene.camera))
+        let scale = (self.scene.params.working_height_px / f64::from(rows)).min(1.0);
+        let scene = self.scene_at(scale);
+        let frames: Vec<Observation> = (frame..)
+            .zip(masks)
+            .take_while(|(_, mask)| mask.area() >= LEAST_AREA_PX)
+            .map(|(frame, mask)| self.observation(frame, mask, &scene.camera))
             .collect();
-        let modes = Modes::start(&scene, frame, &reduced, heading_deg.map(f64::to_radians))?;
+        let modes = Modes::start(&scene, frame, &frames, heading_deg.map(f64::to_radians))?;
         Ok(Following { scale, modes, is_lost: false })
     }
 
-    fn scene(&self, scale: f64) -> Scene {
-        Scene {
-            body: self.body.clone(),
-            camera: self.camera.scaled(scale),
-            model: self.model.clone(),
-            fps: self.fps,
-            params: self.params.clone(),
-        }
+    fn scene_at(&self, scale: f64) -> Scene {
+        Scene { camera: self.scene.camera.scaled(scale), ..self.scene.clone() }
+    }
+
+    /// What trackers see on a frame: the mask at the resolution of `camera`, and what the predictor says of it.
+    fn observation(&self, frame: u64, mask: &Mask, camera: &Camera) -> Observation {
+        let cue = self.scene.predictor.as_deref().and_then(|predictor| {
+            let middle_px = DVec2::from_array(mask.centroid_px()?);
+            let ray = self.scene.camera.ray(middle_px)?;
+            let at = Draw { seed: self.scene.params.seed, frame, layer: 0, purpose: Purpose::User };
+            let mut rng = particle_rng(at, 0);
+            Cue::new(predictor, mask, ray.origin, ray.origin + ray.direction, &self.space, &mut rng)
+        });
+        Observation { mask: reduced(mask, camera), cue }
+    }
+
+    /// Puts `pose` in place of what is believed, as a study of wrong poses does; nothing before somebody was seen.
+    ///
+    /// # Errors
+    /// Never.
+    pub fn displace(&mut self, pose: &Pose) -> anyhow::Result<()> {
+        self.following.as_mut().map_or(Ok(()), |following| following.modes.displace(pose))
     }
 
     /// All that the follower remembers, as bytes; none before somebody was seen.
@@ -115,7 +123,7 @@ impl Follower {
     pub fn restore(&mut self, checkpoint: &[u8]) -> anyhow::Result<()> {
         let FollowerState { scale, modes, is_lost } =
             postcard::from_bytes(checkpoint).context("checkpoint: cannot decode the state of the tracker")?;
-        let modes = Modes::resume(&self.scene(scale), modes)?;
+        let modes = Modes::resume(&self.scene_at(scale), modes)?;
         self.following = Some(Following { scale, modes, is_lost });
         Ok(())
     }

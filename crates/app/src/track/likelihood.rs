@@ -1,11 +1,12 @@
 //! p(mask|state): the silhouette of the posed body against the mask, and a weak prior on the pose.
 
 use body::Pose;
-use pf_core::Likelihood;
+use pf_core::{Gaussian, Likelihood};
 use rayon::prelude::*;
 use render_gpu::ScoreError;
 use silhouette::Mask;
 
+use super::cue::Cue;
 use super::overlap::BodyOverlap;
 use super::state::{BodySpace, BodyState, blank_pose};
 
@@ -13,13 +14,16 @@ use super::state::{BodySpace, BodyState, blank_pose};
 const STATES_A_TASK: usize = 32;
 
 /// What the tracker sees on a frame.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Observation {
     /// The person, of the size of the working camera's image.
     pub mask: Mask,
+    /// What the mask alone says of the pose, where a predictor is at hand.
+    pub cue: Option<Cue>,
 }
 
-/// ln p(r|x) = -sharpness (1 - IoU) + prior_weight ln p(pose).
+/// ln p(r|x) = -sharpness (1 - IoU) + prior_weight ln p(pose); under the joint likelihood model
+/// (1 - b) ln p(r|x) + b ln p_B(x|r) with the density p_B of the [`Cue`].
 ///
 /// Intersection over union punishes the body outside the mask and the mask left unexplained alike, so that neither a
 /// body that walks into the camera nor one that shrinks away gains anything.
@@ -29,13 +33,29 @@ pub struct SilhouetteLikelihood {
     pub overlap: BodyOverlap,
     sharpness: f64,
     prior_weight: f64,
+    cue: Option<CueTerm>,
     poses: Vec<Pose>,
 }
 
+/// The part of the cue in a joint likelihood.
+#[derive(Clone, Debug)]
+pub struct CueTerm {
+    /// Exponent b of the cue's density, 0 to 1; the silhouette's is 1 - b.
+    pub exponent: f64,
+    /// Kernel of the density.
+    pub noise: Gaussian,
+}
+
 impl SilhouetteLikelihood {
-    /// The likelihood of masks under the bodies of `overlap`.
-    pub fn new(space: BodySpace, overlap: BodyOverlap, sharpness: f64, prior_weight: f64) -> Self {
-        Self { space, overlap, sharpness, prior_weight, poses: Vec::new() }
+    /// The likelihood of masks under the bodies of `overlap`, joined with the cue where `cue` says how.
+    pub fn new(
+        space: BodySpace,
+        overlap: BodyOverlap,
+        sharpness: f64,
+        prior_weight: f64,
+        cue: Option<CueTerm>,
+    ) -> Self {
+        Self { space, overlap, sharpness, prior_weight, cue, poses: Vec::new() }
     }
 }
 
@@ -45,7 +65,7 @@ impl Likelihood<BodyState> for SilhouetteLikelihood {
 
     fn log_likelihoods(
         &mut self,
-        _frame: &Observation,
+        frame: &Observation,
         states: &[BodyState],
         out: &mut [f64],
     ) -> Result<(), ScoreError> {
@@ -59,6 +79,13 @@ impl Likelihood<BodyState> for SilhouetteLikelihood {
         let counts = self.overlap.counts(&self.poses)?;
         for (log_likelihood, counts) in out.iter_mut().zip(counts) {
             *log_likelihood = *prior_weight * *log_likelihood - *sharpness * (1.0 - counts.iou());
+        }
+        if let (Some(CueTerm { exponent, noise }), Some(cue)) = (&self.cue, &frame.cue) {
+            let space = &self.space;
+            out.par_iter_mut().zip(states).with_min_len(STATES_A_TASK).for_each(|(log_likelihood, state)| {
+                *log_likelihood =
+                    (1.0 - exponent) * *log_likelihood + exponent * cue.log_density(space, state, noise);
+            });
         }
         Ok(())
     }

@@ -8,8 +8,8 @@ use body::{N_JOINTS, Pose};
 use glam::DVec3;
 use pf_core::NormalizedWeights;
 use pf_core::estimate::weighted_mean;
-use silhouette::Mask;
 
+use super::likelihood::Observation;
 use super::state::{BodySpace, BodyState};
 use super::tracker::{Scene, Tracker, TrackerState};
 use crate::run_folder::FrameRecord;
@@ -42,20 +42,20 @@ pub struct ModesState {
 }
 
 impl Modes {
-    /// Finds the person on the first of `masks`, see [`Tracker::start`].
+    /// Finds the person on the first of `frames`, see [`Tracker::start`].
     ///
     /// # Errors
     /// When the masks do not fit the camera.
     ///
     /// # Panics
-    /// Without a mask, or when the first one is empty.
+    /// Without a frame, or when the mask of the first one is empty.
     pub fn start(
         scene: &Scene,
         frame: u64,
-        masks: &[Mask],
+        frames: &[Observation],
         heading_rad: Option<f64>,
     ) -> anyhow::Result<Self> {
-        let trackers = Tracker::start(scene, frame, masks, heading_rad)?;
+        let trackers = Tracker::start(scene, frame, frames, heading_rad)?;
         let modes = trackers.into_iter().map(|(tracker, fit)| Mode { tracker, fit }).collect();
         Ok(Self { space: BodySpace::new(scene.model.clone()), modes })
     }
@@ -92,10 +92,10 @@ impl Modes {
     ///
     /// # Errors
     /// When the mask does not fit the camera.
-    pub fn step(&mut self, mask: &Mask) -> anyhow::Result<FrameRecord> {
+    pub fn step(&mut self, seen: &Observation) -> anyhow::Result<FrameRecord> {
         let mut records = Vec::with_capacity(self.modes.len());
         for Mode { tracker, fit } in &mut self.modes {
-            records.push(tracker.step(mask)?);
+            records.push(tracker.step(seen)?);
             *fit = FIT_MEMORY * *fit + (1.0 - FIT_MEMORY) * tracker.fit();
         }
         self.combine(records)
@@ -109,6 +109,14 @@ impl Modes {
         let records =
             self.modes.iter_mut().map(|mode| mode.tracker.coast()).collect::<anyhow::Result<_>>()?;
         self.combine(records)
+    }
+
+    /// Puts `pose` in place of what every mode believes, see [`Tracker::displace`].
+    ///
+    /// # Errors
+    /// Never for trackers that have started.
+    pub fn displace(&mut self, pose: &Pose) -> anyhow::Result<()> {
+        self.modes.iter_mut().try_for_each(|mode| mode.tracker.displace(pose))
     }
 
     /// The camera, at working resolution.

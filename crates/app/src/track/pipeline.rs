@@ -14,6 +14,7 @@ use super::camera_choice::CameraChoice;
 use super::clip::{Background, ClipFrame, ClipInput, ClipReader};
 use super::follower::Follower;
 use super::pose_model::{FreeJoints, JointComponents, PoseModel};
+use super::tracker::Scene;
 use crate::config::{ExecConfig, Motion, TrackConfig, TrackParams};
 use crate::progress::Progress;
 use crate::run_folder::{Existing, FrameRecord, RunHeader, RunInput, RunWriter, Status, WriteRunError};
@@ -123,7 +124,14 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
         body: body.clone(),
     };
     let (mut writer, resumed) = RunWriter::open(&job.out, job.existing, header)?;
-    let mut follower = Follower::new(body, known.camera, pose_model(&params), fps, params);
+    let mut follower = Follower::new(Scene {
+        body,
+        camera: known.camera,
+        model: pose_model(&params),
+        predictor: None,
+        fps,
+        params,
+    });
     let mut frames = Vec::new();
     if let Some(resumed) = resumed {
         follower.restore(&resumed.checkpoint)?;

@@ -7,18 +7,22 @@ use anyhow::Context as _;
 use body::{Body, Camera, Intrinsics, N_JOINTS, Pose};
 use glam::DVec3;
 use pf_core::estimate::weighted_mean;
+use pf_core::proposal::{MixtureConfig, MixtureProposal};
 use pf_core::schedule::{DiffusionConfig, Geometric, GeometricConfig};
 use pf_core::{Filter, FilterConfig, FilterParams, FilterState, Gaussian, RandomWalk, StateSpace as _, Step};
 use render_gpu::ScoreError;
 use silhouette::Mask;
 
-use super::likelihood::{Observation, SilhouetteLikelihood};
+use super::cue::{BottomUp, Cue};
+use super::likelihood::{CueTerm, Observation, SilhouetteLikelihood};
 use super::moves::BodyMoves;
 use super::overlap::BodyOverlap;
 use super::pose_model::PoseModel;
+use super::proposal::BodyProposal;
 use super::start::place_upright;
 use super::state::{BodySpace, BodyState, RIGID_DIM, blank_pose};
-use crate::config::TrackParams;
+use crate::config::{Method, TrackParams};
+use crate::predict::PosePredictor;
 use crate::run_folder::{FrameRecord, Status};
 
 /// Rate for which pose models give their steps, and
@@ -45,7 +49,7 @@ const LOST_IOU: f64 = 0.4;
 /// Frames under that overlap in a row that make a loss.
 const LOST_FRAMES: u32 = 5;
 
-type BodyFilter = Filter<BodySpace, RandomWalk<Observation>>;
+type BodyFilter = Filter<BodySpace, BodyProposal>;
 
 /// What a tracker is made for: a body of one size before one camera, under one pose model.
 #[derive(Clone)]
@@ -56,6 +60,8 @@ pub struct Scene {
     pub camera: Camera,
     /// Coordinates and prior of the pose.
     pub model: Arc<dyn PoseModel>,
+    /// Predicts poses from masks alone, where there is one.
+    pub predictor: Option<Arc<PosePredictor>>,
     /// Frames a second.
     pub fps: f64,
     /// Settings.
@@ -90,31 +96,25 @@ pub struct TrackerState {
 }
 
 impl Tracker {
-    /// Finds the person on the first of `masks` and gives the settings' number of trackers, each with how well it explains
-    /// the masks, best first. The other masks, those of the frames that follow, help to choose. The first call of
-    /// [`step`](Self::step) is about the first mask again.
+    /// Finds the person on the first of `frames` and gives the settings' number of trackers, each with how well it explains
+    /// the masks, best first. The other frames, those that follow, help to choose. The first call of [`step`](Self::step) is
+    /// about the first frame again.
     ///
     /// # Errors
     /// When the masks do not fit the camera.
     ///
     /// # Panics
-    /// Without a mask, or when the first one is empty.
+    /// Without a frame, or when the mask of the first one is empty.
     pub fn start(
         scene: &Scene,
         frame: u64,
-        masks: &[Mask],
+        frames: &[Observation],
         heading_rad: Option<f64>,
     ) -> anyhow::Result<Vec<(Self, f64)>> {
-        let headings: Vec<f64> = match heading_rad {
-            Some(heading_rad) => {
-                GIVEN_HEADING_OFFSETS_RAD.iter().map(|offset| heading_rad + offset).collect()
-            }
-            None => (0..START_HEADINGS).map(|k| k as f64 * TAU / START_HEADINGS as f64).collect(),
-        };
         let n_modes = scene.params.modes as usize;
         let mut rivals = Vec::new();
-        for (stream, heading) in (0..).zip(headings) {
-            rivals.push(Self::start_towards(scene.clone(), stream, frame, &masks[0], heading)?);
+        for (stream, candidate) in (0..).zip(candidates(scene, &frames[0], heading_rad)) {
+            rivals.push(Self::start_near(scene.clone(), stream, frame, &frames[0], &candidate)?);
         }
         rivals.sort_by(|(_, a), (_, b)| b.total_cmp(a));
         rivals.truncate(n_modes + START_RIVALS);
@@ -122,9 +122,9 @@ impl Tracker {
             for (rival, fit) in &mut rivals {
                 let beginning = rival.checkpoint();
                 *fit = 0.0;
-                for mask in masks {
-                    rival.step(mask)?;
-                    *fit += rival.fit / masks.len() as f64;
+                for frame in frames {
+                    rival.step(frame)?;
+                    *fit += rival.fit / frames.len() as f64;
                 }
                 *rival = Self::resume(scene.clone(), beginning)?;
             }
@@ -134,18 +134,19 @@ impl Tracker {
         Ok(rivals)
     }
 
-    /// A tracker on `mask` whose body looks towards `heading_rad`, and how well its best particle explains the mask.
-    fn start_towards(
+    /// A tracker on the frame `seen` that begins about `candidate`, an upright pose wherever, and how well its best
+    /// particle explains the mask.
+    fn start_near(
         scene: Scene,
         stream: u64,
         frame: u64,
-        mask: &Mask,
-        heading_rad: f64,
+        seen: &Observation,
+        candidate: &Pose,
     ) -> anyhow::Result<(Self, f64)> {
         let mut tracker = Self::new(scene, stream)?;
-        tracker.likelihood.overlap.set_mask(mask)?;
-        let angles = tracker.scene.model.mean_angles();
-        let placement = place_upright(&mut tracker.likelihood.overlap, mask, angles, heading_rad)?;
+        tracker.likelihood.overlap.set_mask(&seen.mask)?;
+        let overlap = &mut tracker.likelihood.overlap;
+        let placement = place_upright(overlap, &seen.mask, &candidate.angles, candidate.heading_rad())?;
         let placed = tracker.filter.space().state_from_pose(&placement.pose);
         let spread = Gaussian::diagonal(
             START_SD
@@ -163,12 +164,28 @@ impl Tracker {
             state
         });
         for _ in 0..START_ROUNDS {
-            tracker.step(mask)?;
+            tracker.step(seen)?;
         }
         tracker.filter.restore(FilterState { frame, ..tracker.filter.checkpoint() })?;
         let fit = tracker.fit;
         Ok((tracker, fit))
     }
+}
+
+/// Where a start tries to begin: about a heading that is given; else all around, and where the mask alone suggests.
+fn candidates(scene: &Scene, first: &Observation, heading_rad: Option<f64>) -> Vec<Pose> {
+    let facing = |heading_rad: f64| {
+        let mut pose = Pose::upright(DVec3::ZERO, heading_rad);
+        pose.angles.copy_from_slice(scene.model.mean_angles());
+        pose
+    };
+    if let Some(heading_rad) = heading_rad {
+        return GIVEN_HEADING_OFFSETS_RAD.iter().map(|offset| facing(heading_rad + offset)).collect();
+    }
+    let space = BodySpace::new(scene.model.clone());
+    let around = (0..START_HEADINGS).map(|k| facing(k as f64 * TAU / START_HEADINGS as f64));
+    let suggested = first.cue.iter().flat_map(Cue::modes).map(|mode| space.pose(mode));
+    around.chain(suggested).collect()
 }
 
 impl Tracker {
@@ -204,10 +221,31 @@ impl Tracker {
             seed: params.seed ^ (stream << STREAM_SHIFT),
             ..FilterConfig::default()
         })?;
+        let cue_term = (params.method == Method::Jlm)
+            .then(|| CueTerm { exponent: params.cue_exponent, noise: noise.clone() });
         let overlap = BodyOverlap::new(scene.body.clone(), scene.camera);
-        let likelihood =
-            SilhouetteLikelihood::new(space.clone(), overlap, params.sharpness, params.prior_weight);
-        let filter = Filter::annealed(space, RandomWalk::new(noise), schedule, moves, filter_params);
+        let likelihood = SilhouetteLikelihood::new(
+            space.clone(),
+            overlap,
+            params.sharpness,
+            params.prior_weight,
+            cue_term,
+        );
+        let walk = RandomWalk::new(noise.clone());
+        let proposal = match params.method {
+            Method::Jpf if scene.predictor.is_some() => BodyProposal::Joint(MixtureProposal::new(
+                walk,
+                BottomUp::new(&step_sd, noise),
+                MixtureConfig {
+                    initial_cue_share: params.cue_share,
+                    least_share: params.least_share,
+                    adapts: true,
+                    weighting: params.weighting.into(),
+                },
+            )?),
+            _ => BodyProposal::Motion(walk),
+        };
+        let filter = Filter::annealed(space, proposal, schedule, moves, filter_params);
         Ok(Self { scene, stream, likelihood, filter, unseen: 0, badly_explained: 0, fit: f64::NEG_INFINITY })
     }
 
@@ -229,6 +267,17 @@ impl Tracker {
         tracker.unseen = state.unseen;
         tracker.badly_explained = state.badly_explained;
         Ok(tracker)
+    }
+
+    /// Forgets where the person is and takes `pose` for it, as a study of wrong poses does.
+    ///
+    /// # Errors
+    /// Never for a tracker that has started.
+    pub fn displace(&mut self, pose: &Pose) -> anyhow::Result<()> {
+        let state = self.filter.space().state_from_pose(pose);
+        let FilterState { frame, log_evidence, .. } = self.filter.checkpoint();
+        let displaced = FilterState { frame, log_evidence, ..FilterState::from_particles(vec![state]) };
+        Ok(self.filter.restore(displaced)?)
     }
 
     /// The camera, at working resolution.
@@ -273,11 +322,10 @@ impl Tracker {
     ///
     /// # Errors
     /// When the mask does not fit the camera.
-    pub fn step(&mut self, mask: &Mask) -> anyhow::Result<FrameRecord> {
-        let observation = Observation { mask: mask.clone() };
+    pub fn step(&mut self, seen: &Observation) -> anyhow::Result<FrameRecord> {
         self.unseen = 0;
-        self.likelihood.overlap.set_mask(mask)?;
-        let figures = match self.filter.step(&observation, &mut self.likelihood, &mut ())? {
+        self.likelihood.overlap.set_mask(&seen.mask)?;
+        let figures = match self.filter.step(seen, &mut self.likelihood, &mut ())? {
             Step::Tracked(view) => view
                 .layers
                 .last()
@@ -303,7 +351,7 @@ impl Tracker {
     pub fn coast(&mut self) -> anyhow::Result<FrameRecord> {
         self.unseen += 1;
         let Intrinsics { width, height, .. } = *self.scene.camera.intrinsics();
-        self.filter.predict(&Observation { mask: Mask::new(width, height) })?;
+        self.filter.predict(&Observation { mask: Mask::new(width, height), cue: None })?;
         let is_short = self.unseen <= self.scene.params.coast_frames;
         Ok(self.estimate(if is_short { Status::Coasting } else { Status::Lost }))
     }

@@ -4,6 +4,7 @@
 //! from the training frames of the same sequence, or nothing is learned at all (`none`): then the models that the program
 //! ships are scored on people they have not seen.
 
+mod recovery;
 pub mod score;
 
 use std::collections::BTreeSet;
@@ -18,16 +19,20 @@ use rayon::prelude::*;
 use serde::Serialize;
 use silhouette::Mask;
 
+pub use self::recovery::RecoveryRow;
 use self::score::{TrackErrors, TrueFrame, moving_dofs, score};
 use super::joint_error::mean;
 use super::write_json;
-use crate::config::{ExecConfig, Motion, TrackConfig, TrackParams};
+use crate::config::{ExecConfig, Method, Motion, TrackConfig, TrackParams};
 use crate::input::MaskFolder;
+use crate::predict::PosePredictor;
 use crate::progress::Progress;
 use crate::run_folder::FrameRecord;
 use crate::stage::{FittedSequence, Sequence, fit_sequence, personal_joints};
 use crate::track::follower::Follower;
 use crate::track::pose_model::{FreeJoints, JointComponents, PoseModel};
+use crate::track::tracker::Scene;
+use crate::train::{TrainConfig, train_on_sequence};
 
 /// Frames whose mean bone lengths are the subject's.
 const LENGTH_FRAMES: usize = 100;
@@ -55,12 +60,18 @@ pub struct StageEval {
     pub data: PathBuf,
     /// Subjects; all when empty.
     pub subjects: Vec<String>,
+    /// Activities; all when empty.
+    pub activities: Vec<String>,
     /// Kinds of masks: `observed`, `clean`.
     pub masks: Vec<String>,
+    /// Trackers.
+    pub methods: Vec<Method>,
     /// What is learned from.
     pub train: TrainOn,
     /// Number of seeds, 1, 2, and so on.
     pub seeds: u64,
+    /// Whether to study what becomes of a pose that is suddenly wrong.
+    pub recovery: bool,
     /// Test frames of each sequence; all when absent.
     pub frames: Option<usize>,
     /// Where `eval.json` goes.
@@ -81,7 +92,7 @@ pub struct StageRow {
     /// Camera.
     pub camera: String,
     /// Tracker.
-    pub method: String,
+    pub method: Method,
     /// Kind of masks.
     pub masks: String,
     /// Means over seeds.
@@ -90,7 +101,17 @@ pub struct StageRow {
     /// Standard deviations over seeds.
     pub spread: TrackErrors,
     /// Each seed.
-    pub seeds: Vec<TrackErrors>,
+    pub seeds: Vec<SeedErrors>,
+}
+
+/// The errors of one run.
+#[derive(Clone, Debug, Serialize)]
+pub struct SeedErrors {
+    /// Means over frames.
+    #[serde(flatten)]
+    pub mean: TrackErrors,
+    /// The root-relative error of each frame, mm.
+    pub frames_root_mm: Vec<f64>,
 }
 
 /// What `eval.json` holds.
@@ -104,6 +125,8 @@ pub struct StageReport {
     pub fit_residual_mm: Vec<(String, f64)>,
     /// The table.
     pub rows: Vec<StageRow>,
+    /// What becomes of a pose that is suddenly wrong, where it was asked for.
+    pub recovery: Vec<RecoveryRow>,
 }
 
 /// Runs the evaluation, writes `eval.json` and returns the report.
@@ -140,8 +163,17 @@ fn run(eval: &StageEval) -> anyhow::Result<StageReport> {
         rows.extend(prepared[index].rows(eval, camera, kind)?);
         progress.advance();
     }
+    let mut recovery = Vec::new();
+    if eval.recovery {
+        let mut progress = Progress::start("recovering", 0, Some(prepared.len() as u64));
+        for prepared in &prepared {
+            recovery.extend(recovery::study(prepared, eval)?);
+            progress.advance();
+        }
+    }
     let report = StageReport {
         data: eval.data.clone(),
+        recovery,
         train: eval.train,
         fit_residual_mm: prepared
             .iter()
@@ -153,17 +185,49 @@ fn run(eval: &StageEval) -> anyhow::Result<StageReport> {
     Ok(report)
 }
 
-/// The sequences of the subjects that are asked for.
+/// The settings of every run unless others are asked for: one filter of 200 particles and 10 layers, as in the paper.
+pub fn default_config() -> TrackConfig {
+    TrackConfig { modes: 1, ..TrackConfig::default() }
+}
+
+/// The sequences of the subjects and activities that are asked for.
 fn asked_for(eval: &StageEval) -> anyhow::Result<Vec<Sequence>> {
     let all = Sequence::read_all(&eval.data)?;
-    let known: BTreeSet<&str> = all.iter().map(|sequence| sequence.subject.as_str()).collect();
-    if let Some(unknown) = eval.subjects.iter().find(|subject| !known.contains(subject.as_str())) {
-        let known: Vec<&str> = known.into_iter().collect();
-        bail!("{}: `subjects` has {unknown}, expected some of {}", eval.data.display(), known.join(", "));
+    let check = |field: &str, asked: &[String], name: fn(&Sequence) -> &str| -> anyhow::Result<()> {
+        let known: BTreeSet<&str> = all.iter().map(name).collect();
+        match asked.iter().find(|asked| !known.contains(asked.as_str())) {
+            None => Ok(()),
+            Some(unknown) => {
+                let known: Vec<&str> = known.into_iter().collect();
+                bail!(
+                    "{}: `{field}` has {unknown}, expected some of {}",
+                    eval.data.display(),
+                    known.join(", ")
+                )
+            }
+        }
+    };
+    check("subjects", &eval.subjects, |sequence| &sequence.subject)?;
+    check("activities", &eval.activities, |sequence| &sequence.activity)?;
+    let is_asked = |asked: &[String], name: &String| asked.is_empty() || asked.contains(name);
+    let is_kept = |sequence: &Sequence| {
+        is_asked(&eval.subjects, &sequence.subject) && is_asked(&eval.activities, &sequence.activity)
+    };
+    Ok(all.into_iter().filter(is_kept).collect())
+}
+
+/// The records of the frames of `range`; `masks` are those of all frames.
+fn follow(
+    follower: &mut Follower,
+    masks: &[Mask],
+    range: std::ops::Range<usize>,
+) -> anyhow::Result<Vec<FrameRecord>> {
+    let mut records = Vec::with_capacity(range.len());
+    for frame in range {
+        let window: Vec<&Mask> = masks[frame..].iter().take(LOOK_AHEAD).collect();
+        records.extend(follower.step(frame as u64, &window)?);
     }
-    let is_asked =
-        |sequence: &Sequence| eval.subjects.is_empty() || eval.subjects.contains(&sequence.subject);
-    Ok(all.into_iter().filter(is_asked).collect())
+    Ok(records)
 }
 
 /// The cameras of a sequence's rows.
@@ -189,8 +253,11 @@ struct Prepared {
     sequence: Sequence,
     /// Our skeleton on the test frames.
     truth: FittedSequence,
+    /// The joint angles that are compared.
+    moving_dofs: Vec<usize>,
     body: Arc<Body>,
     model: Arc<dyn PoseModel>,
+    predictor: Option<Arc<PosePredictor>>,
 }
 
 impl Prepared {
@@ -206,50 +273,66 @@ impl Prepared {
         let test = sequence.test.start
             ..sequence.test.start + eval.frames.unwrap_or(usize::MAX).min(sequence.test.len());
         let truth = fit(test, false)?;
-        let model: Arc<dyn PoseModel> = match eval.train {
+        let (model, predictor): (Arc<dyn PoseModel>, _) = match eval.train {
             TrainOn::Sequence => {
+                let predictor =
+                    train_on_sequence(&sequence, MAIN_CAMERA, "observed", &TrainConfig::default())?;
                 let motion = fit(sequence.train.clone(), true)?.motion;
                 let prior =
                     PosePrior::learn(&[motion], "", &PosePriorConfig::default()).with_context(|| {
                         format!("{}: cannot learn from the training frames", sequence.folder.display())
                     })?;
-                Arc::new(JointComponents::new(&prior, eval.config.components as usize))
+                let model = JointComponents::new(&prior, eval.config.components as usize);
+                (Arc::new(model), Some(Arc::new(predictor)))
             }
             TrainOn::None => {
                 let prior = PosePrior::builtin();
                 let params = TrackParams::new(eval.config.clone())?;
-                match eval.config.motion {
+                let model: Arc<dyn PoseModel> = match eval.config.motion {
                     Motion::Any => Arc::new(FreeJoints::new(&prior, params.widening())),
                     Motion::Captured => {
                         Arc::new(JointComponents::new(&prior, eval.config.components as usize))
                     }
-                }
+                };
+                (model, None)
             }
         };
-        Ok(Self { body: Arc::new(template), truth, model, sequence })
+        let moving_dofs = moving_dofs(&truth.motion);
+        Ok(Self { body: Arc::new(template), truth, moving_dofs, model, predictor, sequence })
     }
 
     /// The rows of one camera and kind of masks: one for each tracker.
     fn rows(&self, eval: &StageEval, camera: &str, kind: &str) -> anyhow::Result<Vec<StageRow>> {
         let masks = self.masks(camera, kind)?;
-        let seeds: Vec<TrackErrors> = (1..=eval.seeds)
+        let runs: Vec<(Method, u64)> =
+            eval.methods.iter().flat_map(|method| (1..=eval.seeds).map(|seed| (*method, seed))).collect();
+        let errors: Vec<SeedErrors> = runs
             .into_par_iter()
-            .map(|seed| {
-                let records = self.track(eval, camera, &masks, seed)?;
-                Ok(self.score(&records))
+            .map(|(method, seed)| {
+                let config = TrackConfig { seed, method, ..eval.config.clone() };
+                let records = self.track(config, camera, &masks)?;
+                let frames_root_mm = (0..records.len())
+                    .filter(|frame| self.sequence.markers[self.sequence.test.start + frame].is_some())
+                    .map(|frame| self.score_from(&records[frame..=frame], frame).root_mm)
+                    .collect();
+                Ok(SeedErrors { mean: self.score_from(&records, 0), frames_root_mm })
             })
             .collect::<anyhow::Result<_>>()?;
-        let (mean, spread) = mean_and_spread(&seeds);
-        Ok(vec![StageRow {
-            subject: self.sequence.subject.clone(),
-            activity: self.sequence.activity.clone(),
-            camera: camera.to_owned(),
-            method: "apf".to_owned(),
-            masks: kind.to_owned(),
-            mean,
-            spread,
-            seeds,
-        }])
+        let by_method = eval.methods.iter().zip(errors.chunks(eval.seeds as usize));
+        let rows = by_method.map(|(method, seeds)| {
+            let (mean, spread) = mean_and_spread(seeds);
+            StageRow {
+                subject: self.sequence.subject.clone(),
+                activity: self.sequence.activity.clone(),
+                camera: camera.to_owned(),
+                method: *method,
+                masks: kind.to_owned(),
+                mean,
+                spread,
+                seeds: seeds.to_vec(),
+            }
+        });
+        Ok(rows.collect())
     }
 
     fn n_frames(&self) -> usize {
@@ -272,27 +355,22 @@ impl Prepared {
         Ok(masks)
     }
 
-    fn track(
-        &self,
-        eval: &StageEval,
-        camera: &str,
-        masks: &[Mask],
-        seed: u64,
-    ) -> anyhow::Result<Vec<FrameRecord>> {
-        let config = TrackConfig { seed, stature_m: self.sequence.stature_m, ..eval.config.clone() };
-        let camera = self.sequence.camera(camera)?;
-        let mut follower = Follower::new(
-            self.body.clone(),
-            camera,
-            self.model.clone(),
-            self.sequence.fps,
-            TrackParams::new(config)?,
-        );
-        let mut records: Vec<FrameRecord> = Vec::with_capacity(masks.len());
-        for frame in 0..masks.len() {
-            let window: Vec<&Mask> = masks[frame..].iter().take(LOOK_AHEAD).collect();
-            records.extend(follower.step(frame as u64, &window)?);
-        }
+    /// A follower of the person before `camera` that has seen nothing yet.
+    fn follower(&self, config: TrackConfig, camera: &str) -> anyhow::Result<Follower> {
+        let config = TrackConfig { stature_m: self.sequence.stature_m, ..config };
+        Ok(Follower::new(Scene {
+            body: self.body.clone(),
+            camera: self.sequence.camera(camera)?,
+            model: self.model.clone(),
+            predictor: self.predictor.clone(),
+            fps: self.sequence.fps,
+            params: TrackParams::new(config)?,
+        }))
+    }
+
+    fn track(&self, config: TrackConfig, camera: &str, masks: &[Mask]) -> anyhow::Result<Vec<FrameRecord>> {
+        let mut follower = self.follower(config, camera)?;
+        let records = follow(&mut follower, masks, 0..masks.len())?;
         ensure!(
             records.len() == masks.len(),
             "{}: nobody was seen on {} frames",
@@ -302,9 +380,10 @@ impl Prepared {
         Ok(records)
     }
 
-    fn score(&self, records: &[FrameRecord]) -> TrackErrors {
+    /// The errors of `records`, the first of which is about test frame `first`.
+    fn score_from(&self, records: &[FrameRecord], first: usize) -> TrackErrors {
         let (mut kept, mut truth) = (Vec::new(), Vec::new());
-        for (index, record) in records.iter().enumerate() {
+        for (index, record) in (first..).zip(records) {
             let frame = self.sequence.test.start + index;
             if let Some(markers) = &self.sequence.markers[frame] {
                 kept.push(record.clone());
@@ -315,14 +394,14 @@ impl Prepared {
                 });
             }
         }
-        score(&kept, &truth, self.body.rest_joints(), &moving_dofs(&self.truth.motion))
+        score(&kept, &truth, self.body.rest_joints(), &self.moving_dofs)
     }
 }
 
-fn mean_and_spread(seeds: &[TrackErrors]) -> (TrackErrors, TrackErrors) {
+fn mean_and_spread(seeds: &[SeedErrors]) -> (TrackErrors, TrackErrors) {
     let over = |figure: fn(&TrackErrors) -> f64| {
-        let average = mean(seeds.iter().map(figure));
-        let variance = seeds.iter().map(|seed| (figure(seed) - average).powi(2)).sum::<f64>();
+        let average = mean(seeds.iter().map(|seed| figure(&seed.mean)));
+        let variance = seeds.iter().map(|seed| (figure(&seed.mean) - average).powi(2)).sum::<f64>();
         (average, (variance / (seeds.len().max(2) - 1) as f64).sqrt())
     };
     let figures: [(f64, f64); 7] = [
@@ -357,7 +436,7 @@ pub fn table(report: &StageReport) -> String {
             row.activity,
             row.camera,
             row.masks,
-            row.method.to_uppercase(),
+            row.method.name(),
             m.root_mm,
             row.spread.root_mm,
             m.abs_mm,
@@ -368,10 +447,10 @@ pub fn table(report: &StageReport) -> String {
             m.far_off
         );
     }
-    let mut groups: Vec<(&str, &str)> = Vec::new();
+    let mut groups: Vec<(Method, &str)> = Vec::new();
     for row in &report.rows {
-        if !groups.contains(&(&row.method, &row.masks)) {
-            groups.push((&row.method, &row.masks));
+        if !groups.contains(&(row.method, &row.masks)) {
+            groups.push((row.method, &row.masks));
         }
     }
     for (method, masks) in groups {
@@ -383,7 +462,7 @@ pub fn table(report: &StageReport) -> String {
         let _ = writeln!(
             text,
             "| mean of {MAIN_CAMERA} | | {masks} | {} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} |",
-            method.to_uppercase(),
+            method.name(),
             of(|e| e.root_mm),
             of(|e| e.abs_mm),
             of(|e| e.aligned_mm),
@@ -392,6 +471,19 @@ pub fn table(report: &StageReport) -> String {
             of(|e| e.lost),
             of(|e| e.far_off)
         );
+    }
+    if !report.recovery.is_empty() {
+        text += "\n| pose replaced by | tracker | trials | back within 10 frames |\n|---|---|---:|---:|\n";
+        let mut counts: Vec<(&str, Method, usize, usize)> = Vec::new();
+        for RecoveryRow { wrong_pose, method, trials, recovered, .. } in &report.recovery {
+            match counts.iter_mut().find(|(pose, other, ..)| pose == wrong_pose && other == method) {
+                Some((_, _, all, back)) => (*all, *back) = (*all + trials, *back + recovered),
+                None => counts.push((wrong_pose, *method, *trials, *recovered)),
+            }
+        }
+        for (wrong_pose, method, trials, recovered) in counts {
+            let _ = writeln!(text, "| {wrong_pose} | {} | {trials} | {recovered} |", method.name());
+        }
     }
     let residual = mean(report.fit_residual_mm.iter().map(|(_, mm)| *mm));
     let _ = writeln!(

@@ -1,0 +1,189 @@
+//! What a mask alone says of the pose, in the tracker's coordinates: the density p_B(x|r) of the bottom-up predictor.
+
+use glam::DVec3;
+use pf_core::{Gaussian, ParticleRng, Proposal, Proposed, StateSpace as _};
+use rand::Rng;
+use silhouette::Mask;
+
+use super::likelihood::Observation;
+use super::state::{BodySpace, BodyState};
+use crate::predict::PosePredictor;
+
+/// Poses drawn from a prediction: enough to hold its few modes and their spread.
+const N_CENTRES: usize = 96;
+/// Modes of a prediction that a start tries.
+const N_MODES: usize = 4;
+/// Coordinates of the pelvis's place, which come first; a mask alone says nothing of it.
+const N_PLACE: usize = 3;
+
+/// p_B(x|r) as a kernel density: poses drawn from the predictor's mixture of experts, each with the noise of one step of
+/// the motion about it. So it is a density over the same coordinates as the motion prior's, and the two can be mixed.
+#[derive(Clone, Debug)]
+pub struct Cue {
+    /// Orientations and pose coordinates; their positions mean nothing.
+    centres: Vec<BodyState>,
+    /// The highest modes, highest first; likewise.
+    modes: Vec<BodyState>,
+}
+
+impl Cue {
+    /// What `predictor` says of `mask`, seen along `sight` (a point in the world on the ray through the person) from
+    /// `camera_centre`, metres. None when there is no person in the mask.
+    pub fn new<R: Rng>(
+        predictor: &PosePredictor,
+        mask: &Mask,
+        camera_centre: DVec3,
+        sight: DVec3,
+        space: &BodySpace,
+        rng: &mut R,
+    ) -> Option<Self> {
+        let density = predictor.density(mask)?;
+        let state =
+            |viewed: &crate::predict::ViewedPose| space.state_from_pose(&viewed.pose(camera_centre, sight));
+        let centres = (0..N_CENTRES).map(|_| state(&density.sample(rng))).collect();
+        let modes = density.modes(N_MODES).iter().map(|mode| state(&mode.pose)).collect();
+        Some(Self { centres, modes })
+    }
+
+    /// The highest modes, highest first; positions mean nothing.
+    pub fn modes(&self) -> &[BodyState] {
+        &self.modes
+    }
+
+    /// Share of the density whose pelvis is turned by less than `angle_rad` against `state`'s.
+    pub fn share_within(&self, state: &BodyState, angle_rad: f64) -> f64 {
+        let near = |centre: &&BodyState| centre.orientation.angle_between(state.orientation) < angle_rad;
+        self.centres.iter().filter(near).count() as f64 / self.centres.len() as f64
+    }
+
+    /// ln p_B of the orientation and pose of `state`, with kernels of `noise` over all coordinates but the place.
+    pub fn log_density(&self, space: &BodySpace, state: &BodyState, noise: &Gaussian) -> f64 {
+        pf_core::scratch::with_buffer(space.dim(), |delta| {
+            let mut largest = f64::NEG_INFINITY;
+            let mut sum = 0.0;
+            for centre in &self.centres {
+                space.local(centre, state, delta);
+                delta[..N_PLACE].fill(0.0);
+                let log = noise.log_density(delta);
+                if log > largest {
+                    sum = sum * (largest - log).exp() + 1.0;
+                    largest = log;
+                } else {
+                    sum += (log - largest).exp();
+                }
+            }
+            largest + (sum / self.centres.len() as f64).ln()
+        })
+    }
+}
+
+/// Draws from the cue of the frame: the place from the motion, everything else from the prediction. Without a cue, from
+/// the motion.
+#[derive(Clone, Debug)]
+pub struct BottomUp {
+    /// Noise of one step of the motion.
+    noise: Gaussian,
+    /// The same for the place alone, and nothing for the rest.
+    place_sd: [f64; N_PLACE],
+}
+
+impl BottomUp {
+    /// The proposal with the steps of the motion, standard deviations [dim].
+    pub fn new(step_sd: &[f64], noise: Gaussian) -> Self {
+        let place_sd = std::array::from_fn(|i| step_sd[i]);
+        Self { noise, place_sd }
+    }
+}
+
+impl Proposal<BodySpace> for BottomUp {
+    type Frame = Observation;
+
+    fn propose(
+        &self,
+        space: &BodySpace,
+        previous: &BodyState,
+        frame: &Observation,
+        rng: &mut ParticleRng,
+    ) -> Proposed<BodyState> {
+        let mut state = *previous;
+        if let Some(cue) = &frame.cue {
+            let index = (rng.uniform() * cue.centres.len() as f64) as usize;
+            let centre = &cue.centres[index.min(cue.centres.len() - 1)];
+            state.orientation = centre.orientation;
+            state.latent = centre.latent;
+        }
+        pf_core::scratch::with_buffer(space.dim(), |delta| {
+            self.noise.sample(1.0, rng, delta);
+            // The place steps in the pelvis frame of the particle it comes from.
+            let place = DVec3::from_slice(&delta[..N_PLACE]);
+            delta[..N_PLACE].fill(0.0);
+            space.retract(&mut state, delta);
+            state.position = previous.position + previous.orientation * place;
+        });
+        Proposed { state, log_correction: 0.0 }
+    }
+
+    fn log_density(
+        &self,
+        space: &BodySpace,
+        previous: &BodyState,
+        frame: &Observation,
+        state: &BodyState,
+    ) -> Option<f64> {
+        pf_core::scratch::with_buffer(space.dim(), |delta| {
+            space.local(previous, state, delta);
+            let Some(cue) = &frame.cue else { return Some(self.noise.log_density(delta)) };
+            // The kernels' density at a place of zero counts the place's norming constant; only its square is to be added.
+            let place: f64 =
+                delta[..N_PLACE].iter().zip(self.place_sd).map(|(d, sd)| -0.5 * (d / sd).powi(2)).sum();
+            Some(place + cue.log_density(space, state, &self.noise))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::track::pose_model::{FreeJoints, Widening};
+    use crate::track::state::RIGID_DIM;
+    use body::pose_prior::PosePrior;
+    use std::sync::Arc;
+
+    fn space() -> BodySpace {
+        let widening = Widening { factor: 1.3, least_sd: 0.06, least_step: 0.006 };
+        BodySpace::new(Arc::new(FreeJoints::new(&PosePrior::builtin(), widening)))
+    }
+
+    fn facing(space: &BodySpace, heading_rad: f64) -> BodyState {
+        let mut pose = body::Pose::upright(DVec3::ZERO, heading_rad);
+        pose.angles.copy_from_slice(space.model().mean_angles());
+        space.state_from_pose(&pose)
+    }
+
+    #[test]
+    fn the_density_of_one_kernel_is_that_of_the_walk() {
+        let space = space();
+        let sd: Vec<f64> = (0..space.dim()).map(|i| 0.01 + 0.001 * i as f64).collect();
+        let noise = Gaussian::diagonal(sd.clone()).expect("the deviations are positive");
+        let centre = facing(&space, 0.3);
+        let cue = Cue { centres: vec![centre], modes: vec![centre] };
+        let frame = Observation { mask: Mask::new(8, 8), cue: Some(cue) };
+        let without = Observation { mask: Mask::new(8, 8), cue: None };
+        let proposal = BottomUp::new(&sd, noise);
+        let mut state = centre;
+        let mut delta = vec![0.0; space.dim()];
+        delta[..RIGID_DIM].copy_from_slice(&[0.01, -0.02, 0.03, 0.01, 0.02, -0.01]);
+        space.retract(&mut state, &delta);
+        let of = |frame| proposal.log_density(&space, &centre, frame, &state).expect("it is known");
+        assert!((of(&frame) - of(&without)).abs() < 1e-9, "{} and {}", of(&frame), of(&without));
+    }
+
+    #[test]
+    fn shares_count_the_headings_near_a_state() {
+        let space = space();
+        let centres: Vec<BodyState> = [0.0, 0.1, 3.0, 3.1].map(|heading| facing(&space, heading)).to_vec();
+        let cue = Cue { modes: centres.clone(), centres };
+        assert_eq!(cue.share_within(&facing(&space, 0.05), 0.5), 0.5);
+        assert_eq!(cue.share_within(&facing(&space, 1.5), 0.5), 0.0);
+    }
+}
