@@ -23,6 +23,8 @@ pub enum Motion {
 pub enum Method {
     /// Annealed particle filter: particles come from the motion prior.
     Apf,
+    /// Observation-driven particle filter: particles come from the pose before and the mask now.
+    Opf,
     /// Joint particle filter: from a mixture of the motion prior and the predictor.
     Jpf,
     /// Joint likelihood model: from the motion prior; the predictor has a part in the likelihood.
@@ -34,6 +36,7 @@ impl Method {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Apf => "APF",
+            Self::Opf => "OPF",
             Self::Jpf => "JPF",
             Self::Jlm => "JLM",
         }

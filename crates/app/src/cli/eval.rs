@@ -60,7 +60,7 @@ pub struct StageArgs {
     #[arg(long, value_name = "KINDS", value_delimiter = ',', default_value = "observed")]
     masks: Vec<String>,
     /// Trackers, separated by commas.
-    #[arg(long, value_name = "NAMES", value_enum, value_delimiter = ',', default_value = "apf,jpf,jlm")]
+    #[arg(long, value_name = "NAMES", value_enum, value_delimiter = ',', default_value = "apf,opf,jpf,jlm")]
     methods: Vec<Method>,
     /// What the trackers learn from.
     #[arg(long, value_enum, default_value_t = stage::TrainOn::Sequence)]

@@ -2,13 +2,15 @@
 //!
 //! A [`PosePredictor`] describes the mask, and its experts answer with a density over heading and pose
 //! ([`PoseDensity`]): to be sampled, to weigh a pose by, to take a few modes from. The answer is a [`ViewedPose`], which
-//! becomes a pose in the world with the place of camera and pelvis. [`LatentDynamics`] says how poses go on.
+//! becomes a pose in the world with the place of camera and pelvis. [`LatentDynamics`] says how poses go on,
+//! [`TransitionPredictor`] how they do given the next mask.
 
 mod descriptor;
 mod dynamics;
 mod file;
 mod pose_space;
 mod predictor;
+mod transition;
 mod viewed;
 
 pub use descriptor::{MaskDescriptor, person_in};
@@ -16,4 +18,5 @@ pub use dynamics::{DynamicsError, LatentDynamics};
 pub use file::LoadPredictorError;
 pub use pose_space::PoseSpace;
 pub use predictor::{PoseDensity, PoseMode, PosePredictor, Training};
+pub use transition::TransitionPredictor;
 pub use viewed::{ViewedPose, wrapped};

@@ -82,6 +82,18 @@ impl PoseSpace {
         self.inverse.iter().map(along).collect()
     }
 
+    /// Coordinates, then cosine and sine of the heading: what experts predict, [dim + 2].
+    pub fn point(&self, pose: &ViewedPose) -> Vec<f64> {
+        let mut point = self.encode(pose);
+        point.extend([pose.heading_rad.cos(), pose.heading_rad.sin()]);
+        point
+    }
+
+    /// The pose at a [`point`](Self::point), or near where cosine and sine are not those of one angle.
+    pub fn pose_at(&self, point: &[f64]) -> ViewedPose {
+        self.decode(bme::heading_of(point), &point[..self.dim()])
+    }
+
     /// The pose at `coordinates`, [dim], inside the joint limits, facing `heading_rad`.
     ///
     /// # Panics

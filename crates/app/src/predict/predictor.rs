@@ -1,8 +1,6 @@
 //! The predictor: a description of the mask, and experts over it.
 
-use bme::{
-    HierarchicalDensity, HierarchicalMixture, OnlineUpdate as _, UpdateError, UpdateReport, heading_of,
-};
+use bme::{HierarchicalDensity, HierarchicalMixture, OnlineUpdate as _, UpdateError, UpdateReport};
 use rand::Rng;
 use silhouette::Mask;
 
@@ -64,6 +62,11 @@ impl PosePredictor {
         &self.training
     }
 
+    /// How it describes masks.
+    pub fn descriptor(&self) -> &MaskDescriptor {
+        &self.descriptor
+    }
+
     /// The coordinates that its experts predict.
     pub fn space(&self) -> &PoseSpace {
         &self.space
@@ -86,7 +89,7 @@ impl PosePredictor {
         weight: f64,
     ) -> Result<UpdateReport, UpdateError> {
         match self.descriptor.describe(mask) {
-            Some(description) => self.experts.update(&description, &point(&self.space, pose), weight),
+            Some(description) => self.experts.update(&description, &self.space.point(pose), weight),
             None => Ok(UpdateReport::default()),
         }
     }
@@ -108,7 +111,7 @@ impl PoseDensity<'_> {
     /// ln p of the coordinates of `pose` and of the cosine and sine of its heading. What the coordinates leave out of a
     /// pose costs nothing.
     pub fn log_density(&self, pose: &ViewedPose) -> f64 {
-        self.density.log_density(&point(self.space, pose))
+        self.density.log_density(&self.space.point(pose))
     }
 
     /// The mean of coordinates and heading: the answer with the least mean square error where there is one mode.
@@ -123,13 +126,6 @@ impl PoseDensity<'_> {
     }
 
     fn pose(&self, point: &[f64]) -> ViewedPose {
-        self.space.decode(heading_of(point), &point[..self.space.dim()])
+        self.space.pose_at(point)
     }
-}
-
-/// Coordinates, then cosine and sine of the heading: what the experts predict.
-fn point(space: &PoseSpace, pose: &ViewedPose) -> Vec<f64> {
-    let mut point = space.encode(pose);
-    point.extend([pose.heading_rad.cos(), pose.heading_rad.sin()]);
-    point
 }

@@ -1,5 +1,7 @@
 //! Follows a person through a clip: decides when to start, and starts again after a loss.
 
+use std::sync::Arc;
+
 use anyhow::Context as _;
 use body::{Camera, Pose};
 use glam::DVec2;
@@ -12,6 +14,7 @@ use super::likelihood::Observation;
 use super::modes::{Modes, ModesState};
 use super::state::BodySpace;
 use super::tracker::Scene;
+use crate::predict::TransitionPredictor;
 use crate::run_folder::{FrameRecord, Status};
 
 /// A mask of fewer pixels, at full resolution, shows nobody.
@@ -95,7 +98,9 @@ impl Follower {
             let mut rng = particle_rng(at, 0);
             Cue::new(predictor, mask, ray.origin, ray.origin + ray.direction, &self.space, &mut rng)
         });
-        Observation { mask: reduced(mask, camera), cue }
+        let describe = |transitions: &Arc<TransitionPredictor>| transitions.describe(mask);
+        let description = self.scene.transitions.as_ref().and_then(describe);
+        Observation { mask: reduced(mask, camera), cue, description }
     }
 
     /// Puts `pose` in place of what is believed, as a study of wrong poses does; nothing before somebody was seen.

@@ -20,6 +20,8 @@ pub struct Observation {
     pub mask: Mask,
     /// What the mask alone says of the pose, where a predictor is at hand.
     pub cue: Option<Cue>,
+    /// The description of the mask for a predictor of the next pose, where one is at hand.
+    pub description: Option<Vec<f64>>,
 }
 
 /// ln p(r|x) = -sharpness (1 - IoU) + prior_weight ln p(pose); under the joint likelihood model

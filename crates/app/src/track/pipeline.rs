@@ -129,6 +129,7 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
         camera: known.camera,
         model: pose_model(&params),
         predictor: None,
+        transitions: None,
         fps,
         params,
     });

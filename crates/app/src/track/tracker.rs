@@ -18,11 +18,11 @@ use super::likelihood::{CueTerm, Observation, SilhouetteLikelihood};
 use super::moves::BodyMoves;
 use super::overlap::BodyOverlap;
 use super::pose_model::PoseModel;
-use super::proposal::BodyProposal;
+use super::proposal::{BodyProposal, Transition};
 use super::start::place_upright;
 use super::state::{BodySpace, BodyState, RIGID_DIM, blank_pose};
 use crate::config::{Method, TrackParams};
-use crate::predict::PosePredictor;
+use crate::predict::{PosePredictor, TransitionPredictor};
 use crate::run_folder::{FrameRecord, Status};
 
 /// Rate for which pose models give their steps, and
@@ -62,6 +62,8 @@ pub struct Scene {
     pub model: Arc<dyn PoseModel>,
     /// Predicts poses from masks alone, where there is one.
     pub predictor: Option<Arc<PosePredictor>>,
+    /// Predicts poses from the pose before and the mask now, where there is one.
+    pub transitions: Option<Arc<TransitionPredictor>>,
     /// Frames a second.
     pub fps: f64,
     /// Settings.
@@ -232,8 +234,14 @@ impl Tracker {
             cue_term,
         );
         let walk = RandomWalk::new(noise.clone());
-        let proposal = match params.method {
-            Method::Jpf if scene.predictor.is_some() => BodyProposal::Joint(MixtureProposal::new(
+        let proposal = match (params.method, &scene.transitions) {
+            (Method::Opf, Some(transitions)) => BodyProposal::Transition(Transition::new(
+                transitions.clone(),
+                scene.camera.centre_world(),
+                &step_sd,
+                walk,
+            )),
+            (Method::Jpf, _) if scene.predictor.is_some() => BodyProposal::Joint(MixtureProposal::new(
                 walk,
                 BottomUp::new(&step_sd, noise),
                 MixtureConfig {
@@ -351,7 +359,7 @@ impl Tracker {
     pub fn coast(&mut self) -> anyhow::Result<FrameRecord> {
         self.unseen += 1;
         let Intrinsics { width, height, .. } = *self.scene.camera.intrinsics();
-        self.filter.predict(&Observation { mask: Mask::new(width, height), cue: None })?;
+        self.filter.predict(&Observation { mask: Mask::new(width, height), cue: None, description: None })?;
         let is_short = self.unseen <= self.scene.params.coast_frames;
         Ok(self.estimate(if is_short { Status::Coasting } else { Status::Lost }))
     }

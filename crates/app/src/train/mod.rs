@@ -8,8 +8,10 @@ mod fit;
 pub mod noise;
 pub mod render;
 mod sequence;
+mod transition;
 pub mod validate;
 
 pub use examples::Examples;
 pub use fit::{DescriptorKind, TrainConfig, fit_predictor};
 pub use sequence::{fitted_motion, sequence_masks, train_on_sequence};
+pub use transition::train_transitions;

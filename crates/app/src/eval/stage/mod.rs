@@ -25,14 +25,14 @@ use super::joint_error::mean;
 use super::write_json;
 use crate::config::{ExecConfig, Method, Motion, TrackConfig, TrackParams};
 use crate::input::MaskFolder;
-use crate::predict::PosePredictor;
+use crate::predict::{PosePredictor, TransitionPredictor};
 use crate::progress::Progress;
 use crate::run_folder::FrameRecord;
 use crate::stage::{FittedSequence, Sequence, fit_sequence, personal_joints};
 use crate::track::follower::Follower;
 use crate::track::pose_model::{FreeJoints, JointComponents, PoseModel};
 use crate::track::tracker::Scene;
-use crate::train::{TrainConfig, train_on_sequence};
+use crate::train::{TrainConfig, train_on_sequence, train_transitions};
 
 /// Frames whose mean bone lengths are the subject's.
 const LENGTH_FRAMES: usize = 100;
@@ -258,6 +258,7 @@ struct Prepared {
     body: Arc<Body>,
     model: Arc<dyn PoseModel>,
     predictor: Option<Arc<PosePredictor>>,
+    transitions: Option<Arc<TransitionPredictor>>,
 }
 
 impl Prepared {
@@ -273,7 +274,7 @@ impl Prepared {
         let test = sequence.test.start
             ..sequence.test.start + eval.frames.unwrap_or(usize::MAX).min(sequence.test.len());
         let truth = fit(test, false)?;
-        let (model, predictor): (Arc<dyn PoseModel>, _) = match eval.train {
+        let (model, predictor, transitions): (Arc<dyn PoseModel>, _, _) = match eval.train {
             TrainOn::Sequence => {
                 let predictor =
                     train_on_sequence(&sequence, MAIN_CAMERA, "observed", &TrainConfig::default())?;
@@ -282,8 +283,20 @@ impl Prepared {
                     PosePrior::learn(&[motion], "", &PosePriorConfig::default()).with_context(|| {
                         format!("{}: cannot learn from the training frames", sequence.folder.display())
                     })?;
+                let transitions = if eval.methods.contains(&Method::Opf) {
+                    let config = TrainConfig::default();
+                    Some(Arc::new(train_transitions(
+                        &sequence,
+                        MAIN_CAMERA,
+                        "observed",
+                        &predictor,
+                        &config,
+                    )?))
+                } else {
+                    None
+                };
                 let model = JointComponents::new(&prior, eval.config.components as usize);
-                (Arc::new(model), Some(Arc::new(predictor)))
+                (Arc::new(model), Some(Arc::new(predictor)), transitions)
             }
             TrainOn::None => {
                 let prior = PosePrior::builtin();
@@ -294,11 +307,11 @@ impl Prepared {
                         Arc::new(JointComponents::new(&prior, eval.config.components as usize))
                     }
                 };
-                (model, None)
+                (model, None, None)
             }
         };
         let moving_dofs = moving_dofs(&truth.motion);
-        Ok(Self { body: Arc::new(template), truth, moving_dofs, model, predictor, sequence })
+        Ok(Self { body: Arc::new(template), truth, moving_dofs, model, predictor, transitions, sequence })
     }
 
     /// The rows of one camera and kind of masks: one for each tracker.
@@ -363,6 +376,7 @@ impl Prepared {
             camera: self.sequence.camera(camera)?,
             model: self.model.clone(),
             predictor: self.predictor.clone(),
+            transitions: self.transitions.clone(),
             fps: self.sequence.fps,
             params: TrackParams::new(config)?,
         }))
