@@ -1,7 +1,7 @@
 //! The largest value of a function of one variable.
 
 /// A scan of this many equal steps finds the interval in which [`maximum`] searches.
-const SCAN_STEPS: usize = 8;
+const SCAN_STEPS: usize = 6;
 const MAX_STEPS: usize = 40;
 /// 2 - the golden ratio.
 const GOLDEN_SHARE: f64 = 0.381_966_011_250_105_1;

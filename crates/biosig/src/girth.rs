@@ -22,11 +22,11 @@ pub enum Girth {
     /// Upper-arm girth (5.3.16): square to the right upper arm, relaxed. Deviation: 55 % of the way from the joint of the shoulder
     /// to that of the elbow instead of halfway between shoulder point and elbow point on the skin.
     RightUpperArm,
-    /// The largest horizontal girth between the armpits and the end of the breastbone; arms left out.
+    /// The largest horizontal girth from 1 cm below the bust points to 1 cm below the armpits; arms left out.
     LargestChest,
     /// The smallest horizontal girth between 2 cm below the navel and 6 cm below the bust points.
     SmallestWaist,
-    /// The largest horizontal girth from 2 cm above the crotch to 2 cm below the navel.
+    /// The largest horizontal girth from 2 cm above the crotch to three quarters of the way to the navel.
     LargestHips,
 }
 
@@ -75,12 +75,14 @@ impl Girth {
             Self::RightUpperArm => {
                 "ISO 8559-1 5.3.16 upper-arm girth, relaxed: square to the arm, 55 % of the way from shoulder to elbow joint"
             }
-            Self::LargestChest => "the largest horizontal girth between armpits and breastbone's end",
+            Self::LargestChest => {
+                "the largest horizontal girth from 1 cm below the bust points to 1 cm below the armpits"
+            }
             Self::SmallestWaist => {
                 "the smallest horizontal girth from 2 cm below the navel to 6 cm below the bust points"
             }
             Self::LargestHips => {
-                "the largest horizontal girth from 2 cm above the crotch to 2 cm below the navel"
+                "the largest horizontal girth from 2 cm above the crotch to three quarters of the way to the navel"
             }
         }
     }

@@ -1,11 +1,12 @@
-//! Measurements of a body: girths as a tape takes them, stature, volume.
+//! Measurements of a body: girths as a tape takes them, stature, volume; and what they and its shape tell of a person.
 //!
 //! It knows nothing of images or filters.
 //!
 //! # Conventions
 //! Metres; the body at rest in the body frame: y up, facing +z, its left at +x.
 //! # Map
-//! [`girth`] which girths, and their definitions · [`tape`] takes them · [`section`] planes and what they cut
+//! [`girth`] which girths, and their definitions · [`tape`] takes them · [`section`] planes and what they cut · [`mesh`] meshes as
+//! files have them · [`label`] labels for a mesh without · [`predict`] stature, weight and gender of the person
 //! # Example
 //! ```
 //! use biosig::{Girth, Tape};
@@ -23,10 +24,16 @@
 mod extremum;
 pub mod girth;
 mod hull;
+pub mod label;
+pub mod mesh;
+pub mod predict;
 pub mod section;
 pub mod tape;
 
 pub use girth::Girth;
+pub use label::LabelledMesh;
+pub use mesh::{MeshError, MeshNotes, SoundMesh};
+pub use predict::{Estimate, FiveGirths, Predictors, Profile};
 pub use section::Plane;
 pub use tape::{Labels, LabelsError, MeasureError, Measurements, Tape, TapeReading};
 

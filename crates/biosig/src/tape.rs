@@ -7,18 +7,22 @@ use glam::DVec3;
 use crate::extremum::maximum;
 use crate::girth::Girth;
 use crate::hull::{convex_hull, perimeter};
-use crate::section::{Plane, cut};
+use crate::section::{Piece, Plane, heights_along};
 
 #[cfg(test)]
 mod tests;
 
 /// Heights of extremal girths are found to this.
-const HEIGHT_TOLERANCE_M: f64 = 5e-4;
+const HEIGHT_TOLERANCE_M: f64 = 1e-3;
 /// The thigh is measured this far below the crotch; the hips begin as far above it.
 const BELOW_CROTCH_M: f64 = 0.02;
 /// Ends of the range of [`Girth::SmallestWaist`].
 const BELOW_NAVEL_M: f64 = 0.02;
 const BELOW_BUST_M: f64 = 0.06;
+/// The largest chest lies between this much below the bust points and as much below the armpits.
+const AROUND_BUST_M: f64 = 0.01;
+/// The largest hips lie below this share of the way from the crotch to the navel.
+const HIPS_SHARE: f64 = 0.75;
 /// The largest calf lies between these shares of the way from knee to ankle.
 const CALF_RANGE: [f64; 2] = [0.22, 0.60];
 /// The arm is measured at this share of the way from shoulder to elbow.
@@ -143,13 +147,13 @@ impl Measurements {
 pub struct Tape {
     triangles: Vec<[u32; 3]>,
     /// Triangles without a corner on an arm.
-    trunk: Vec<[u32; 3]>,
+    trunk: Piece,
     /// Triangles with a corner on the part.
-    thigh: Vec<[u32; 3]>,
-    calf: Vec<[u32; 3]>,
-    arm: Vec<[u32; 3]>,
+    thigh: Piece,
+    calf: Piece,
+    arm: Piece,
     /// Triangles all of whose corners are on neck, head or chest.
-    neck: Vec<[u32; 3]>,
+    neck: Piece,
     pelvis_vertices: Vec<u32>,
     points: Points,
 }
@@ -159,7 +163,6 @@ pub struct Tape {
 struct Points {
     bust: [Landmark; 2],
     armpits: [Landmark; 4],
-    breastbone_end: Landmark,
     navel: Landmark,
     crotch: Landmark,
     adams_apple: Landmark,
@@ -179,7 +182,6 @@ impl Points {
                 find("Lt Axilla, Ant.")?,
                 find("Lt Axilla, Post.")?,
             ],
-            breastbone_end: find("Substernale")?,
             navel: find("Navel")?,
             crotch: find("Crotch")?,
             adams_apple: find("Below Adam's Apple")?,
@@ -204,8 +206,8 @@ impl Tape {
             place.map(|place| place as u8).ok_or(LabelsError::MissingPart { name })
         };
         let on = |parts: &[u8], vertex: u32| parts.contains(&labels.parts[vertex as usize]);
-        let select = |is_in: &dyn Fn(&[u32; 3]) -> bool| -> Vec<[u32; 3]> {
-            labels.triangles.iter().copied().filter(|triangle| is_in(triangle)).collect()
+        let select = |is_in: &dyn Fn(&[u32; 3]) -> bool| {
+            Piece::new(labels.triangles.iter().copied().filter(|triangle| is_in(triangle)).collect())
         };
         let touching = |parts: &[u8]| select(&|triangle| triangle.iter().any(|&vertex| on(parts, vertex)));
         let arms = [
@@ -258,13 +260,15 @@ impl Tape {
         if let Some(vertex) = vertices.iter().position(|vertex| vertex.iter().any(|x| !x.is_finite())) {
             return Err(MeasureError::NotFinite { vertex, position: vertices[vertex] });
         }
-        let heights = vertices.iter().map(|vertex| f64::from(vertex[1]));
-        let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), y| (l.min(y), h.max(y)));
-        let mut body = Measuring { tape: self, vertices, joints, scratch: Vec::new() };
+        let heights = heights_along(vertices, DVec3::Y);
+        let (low, high) =
+            heights.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &y| (l.min(y), h.max(y)));
+        let (low, high) = (f64::from(low), f64::from(high));
+        let mut body = Measuring { tape: self, vertices, heights, joints, scratch: Vec::new() };
         let planes = Girth::ALL.map(|girth| body.plane_of(girth));
         let mut girths = Vec::with_capacity(planes.len());
         for (girth, plane) in Girth::ALL.into_iter().zip(planes) {
-            let girth_m = body.around(self.triangles_of(girth), &plane);
+            let girth_m = body.around(self.piece_of(girth), &plane);
             if girth_m <= 0.0 {
                 return Err(MeasureError::NothingThere { girth: girth.name(), height_m: plane.point.y });
             }
@@ -284,11 +288,11 @@ impl Tape {
     /// When there are fewer vertices than labels.
     pub fn loop_of(&self, vertices: &[[f32; 3]], girth: Girth, plane: &Plane) -> Vec<DVec3> {
         let mut points = Vec::new();
-        cut(vertices, self.triangles_of(girth), plane, &mut points);
+        self.piece_of(girth).cut(vertices, &heights_along(vertices, plane.normal), plane, &mut points);
         convex_hull(&mut points).into_iter().map(|corner| plane.lift(corner)).collect()
     }
 
-    fn triangles_of(&self, girth: Girth) -> &[[u32; 3]] {
+    fn piece_of(&self, girth: Girth) -> &Piece {
         match girth {
             Girth::Chest
             | Girth::Waist
@@ -317,6 +321,8 @@ impl Tape {
 struct Measuring<'a> {
     tape: &'a Tape,
     vertices: &'a [[f32; 3]],
+    /// Of the vertices, metres.
+    heights: Vec<f32>,
     joints: &'a RestJoints,
     scratch: Vec<[f64; 2]>,
 }
@@ -348,27 +354,34 @@ impl Measuring<'_> {
             }
             Girth::LargestChest => {
                 let armpits = points.armpits.iter().map(height).fold(f64::INFINITY, f64::min);
-                self.extremal(&tape.trunk, [height(&points.breastbone_end), armpits], 1.0)
+                self.extremal(&tape.trunk, [bust - AROUND_BUST_M, armpits - AROUND_BUST_M], 1.0)
             }
             Girth::SmallestWaist => {
                 self.extremal(&tape.trunk, [navel - BELOW_NAVEL_M, bust - BELOW_BUST_M], -1.0)
             }
             Girth::LargestHips => {
-                self.extremal(&tape.trunk, [crotch + BELOW_CROTCH_M, navel - BELOW_NAVEL_M], 1.0)
+                let top = crotch + HIPS_SHARE * (navel - crotch);
+                self.extremal(&tape.trunk, [crotch + BELOW_CROTCH_M, top], 1.0)
             }
         }
     }
 
     /// The horizontal plane in which the girth, times `sign`, is largest.
-    fn extremal(&mut self, triangles: &[[u32; 3]], range_m: [f64; 2], sign: f64) -> Plane {
-        let girth_at = |height_m| sign * self.around(triangles, &Plane::horizontal(height_m));
+    fn extremal(&mut self, piece: &Piece, range_m: [f64; 2], sign: f64) -> Plane {
+        let piece = piece.between(&self.heights, range_m);
+        let girth_at = |height_m| sign * self.around(&piece, &Plane::horizontal(height_m));
         Plane::horizontal(maximum(girth_at, range_m, HEIGHT_TOLERANCE_M).0)
     }
 
-    /// Perimeter of the hull of a section, metres; 0 when the plane does not meet the triangles.
-    fn around(&mut self, triangles: &[[u32; 3]], plane: &Plane) -> f64 {
+    /// Perimeter of the hull of a section, metres; 0 when the plane does not meet the piece.
+    fn around(&mut self, piece: &Piece, plane: &Plane) -> f64 {
         self.scratch.clear();
-        cut(self.vertices, triangles, plane, &mut self.scratch);
+        if plane.normal == DVec3::Y {
+            piece.cut(self.vertices, &self.heights, plane, &mut self.scratch);
+        } else {
+            let heights = heights_along(self.vertices, plane.normal);
+            piece.cut(self.vertices, &heights, plane, &mut self.scratch);
+        }
         perimeter(&convex_hull(&mut self.scratch))
     }
 

@@ -34,6 +34,12 @@ impl Pose {
         Self { root_position, root_orientation: turn * facing_minus_y, angles: vec![0.0; N_DOF] }
     }
 
+    /// The rest pose where the rest joints are: the body frame is the world.
+    pub fn rest(joints: &RestJoints) -> Self {
+        let root_position = joints[JointId::PELVIS.index()];
+        Self { root_position, root_orientation: DQuat::IDENTITY, angles: vec![0.0; N_DOF] }
+    }
+
     /// The direction the pelvis faces as an angle in the floor plane, radians; undoes [`Pose::upright`].
     pub fn heading_rad(&self) -> f64 {
         let facing = self.root_orientation * DVec3::Z;

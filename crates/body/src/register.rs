@@ -15,7 +15,7 @@ use crate::ik::rigid_fit;
 use crate::mesh::{TriangleTree, area_normal, corners, crossing_triangles};
 use crate::model::{Body, BodyModel, Landmark};
 use crate::pose::Pose;
-use crate::skeleton::{JointId, N_DOF};
+use crate::skeleton::{JointId, N_DOF, Skeleton};
 
 mod deform;
 mod model_fit;
@@ -169,38 +169,64 @@ pub fn register(
 impl Registration {
     /// The vertices taken back to the rest pose, body frame, metres, `[n_vertices]`: the inverse of linear blend skinning.
     pub fn rest_vertices(&self, model: &BodyModel) -> Vec<DVec3> {
-        let unposer = Unposer::new(&model.shape(&self.coefficients_sd), &self.pose);
-        let influences = &model.template().influences;
-        self.vertices
-            .iter()
-            .zip(influences)
-            .map(|(place, own)| unposer.rest_from_posed(*place, own))
-            .collect()
-    }
-}
-
-/// Takes posed points back to the rest pose.
-pub struct Unposer {
-    world_from_rest: Vec<DAffine3>,
-}
-
-impl Unposer {
-    /// For the surface of `body` in `pose`.
-    pub fn new(body: &Body, pose: &Pose) -> Self {
-        let frames = body.world_from_joints(pose).into_iter().zip(body.rest_joints());
-        let world_from_rest = frames.map(|(frame, rest)| frame * DAffine3::from_translation(-*rest));
-        Self { world_from_rest: world_from_rest.collect() }
+        let body = model.shape(&self.coefficients_sd);
+        let reposer = Reposer::new(&body, &self.pose, &Pose::rest(body.rest_joints()));
+        reposer.carry_all(&self.vertices, &model.template().influences)
     }
 
-    /// A point at `place` whose skin weights are `influences`, at rest, metres, body frame.
-    pub fn rest_from_posed(&self, place: DVec3, influences: &[(JointId, f32)]) -> DVec3 {
-        let (mut matrix, mut translation) = (DMat3::ZERO, DVec3::ZERO);
-        for &(joint, weight) in influences {
-            let frame = self.world_from_rest[joint.index()];
-            matrix += frame.matrix3 * f64::from(weight);
-            translation += frame.translation * f64::from(weight);
+    /// The pose in which the body is measured: facing +z, arms and legs as at rest, trunk and head as they were. A posture is
+    /// part of a trunk's girths, and no fit tells it well from a shape.
+    pub fn standing_pose(&self, body: &Body) -> Pose {
+        let rest = Pose::rest(body.rest_joints());
+        let facing = self.pose.root_orientation * DVec3::Z;
+        let turn_back = DQuat::from_rotation_y(-facing.x.atan2(facing.z));
+        let mut pose = Pose { root_orientation: turn_back * self.pose.root_orientation, ..rest };
+        for (dof, angle) in Skeleton::human().dofs().iter().zip(pose.angles.iter_mut().zip(&self.pose.angles))
+        {
+            if dof.joint <= JointId::HEAD {
+                *angle.0 = *angle.1;
+            }
         }
-        matrix.inverse() * (place - translation)
+        pose
+    }
+}
+
+/// Carries points of a body's surface from one pose to another.
+pub struct Reposer {
+    from_rest: Vec<DAffine3>,
+    to_rest: Vec<DAffine3>,
+}
+
+impl Reposer {
+    /// For the surface of `body`, from the pose `from` to the pose `to`.
+    pub fn new(body: &Body, from: &Pose, to: &Pose) -> Self {
+        let frames = |pose: &Pose| {
+            let posed = body.world_from_joints(pose).into_iter().zip(body.rest_joints());
+            posed.map(|(frame, rest)| frame * DAffine3::from_translation(-*rest)).collect()
+        };
+        Self { from_rest: frames(from), to_rest: frames(to) }
+    }
+
+    /// Where a point at `place`, whose skin weights are `influences`, goes; metres.
+    pub fn carry(&self, place: DVec3, influences: &[(JointId, f32)]) -> DVec3 {
+        let blend = |frames: &[DAffine3]| {
+            influences.iter().fold((DMat3::ZERO, DVec3::ZERO), |(matrix, translation), &(joint, weight)| {
+                let (frame, weight) = (frames[joint.index()], f64::from(weight));
+                (matrix + frame.matrix3 * weight, translation + frame.translation * weight)
+            })
+        };
+        let (from_matrix, from_translation) = blend(&self.from_rest);
+        let (to_matrix, to_translation) = blend(&self.to_rest);
+        to_matrix * (from_matrix.inverse() * (place - from_translation)) + to_translation
+    }
+
+    /// As [`Reposer::carry`], for points with their skin weights.
+    ///
+    /// # Panics
+    /// When there are more points than weights.
+    pub fn carry_all(&self, places: &[DVec3], influences: &[Vec<(JointId, f32)>]) -> Vec<DVec3> {
+        assert!(places.len() <= influences.len(), "{} points, {} weights", places.len(), influences.len());
+        places.iter().zip(influences).map(|(place, own)| self.carry(*place, own)).collect()
     }
 }
 

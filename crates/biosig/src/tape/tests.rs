@@ -112,7 +112,6 @@ fn manikin() -> (Tubes, RestJoints) {
         ("Rt Axilla, Post.", at(-0.17, 1.35, -0.02)),
         ("Lt Axilla, Ant.", at(0.17, 1.35, 0.0)),
         ("Lt Axilla, Post.", at(0.17, 1.35, -0.02)),
-        ("Substernale", at(0.0, 1.15, 0.11)),
         ("Navel", at(0.0, 1.02, 0.11)),
         ("Crotch", at(0.0, 0.8, 0.0)),
         ("Below Adam's Apple", at(0.0, 1.46, 0.08)),

@@ -130,7 +130,7 @@ impl BodiesData {
     /// # Errors
     /// Names the file at fault and what was expected of it.
     pub fn read(folder: &Path) -> Result<Self, ReadBodiesError> {
-        let mean = points(&folder.join("template_vertices.npy"), None)?.swap_remove(0);
+        let mean = read_points(&folder.join("template_vertices.npy"))?;
         let n_vertices = mean.len();
         let faces = Array::<u32>::read(&folder.join("faces.npy"), "<u4")?;
         faces.expect_shape(&[None, Some(3)], "[n_triangles, 3]")?;
@@ -140,7 +140,7 @@ impl BodiesData {
         coefficients.expect_shape(&[None, Some(basis.len())], "[n_bodies, n_basis]")?;
         coefficients.expect_finite()?;
         let joint_basis = points(&folder.join("joint_basis.npy"), Some(N_POPULATION_JOINTS))?;
-        let mean_joints = points(&folder.join("joint_template.npy"), None)?.swap_remove(0);
+        let mean_joints = read_points(&folder.join("joint_template.npy"))?;
         let part_names = column(&folder.join("part_names.csv"), "name")?;
         let parts = Array::<u32>::read(&folder.join("parts.npy"), "<u4")?;
         parts.expect_shape(&[Some(n_vertices)], "[n_vertices]")?;
@@ -258,6 +258,14 @@ impl Array<f32> {
             }),
         }
     }
+}
+
+/// The points of an `[n, 3]` array of `<f4`, metres.
+///
+/// # Errors
+/// Names the file and what was expected of it.
+pub fn read_points(path: &Path) -> Result<Vec<DVec3>, ReadBodiesError> {
+    Ok(points(path, None)?.swap_remove(0))
 }
 
 /// One set of points of an `[n, 3]` array, or the sets of an `[n_sets, count, 3]` array when `count` is given.

@@ -105,6 +105,40 @@ fn a_few_landmarks_do_and_unknown_names_are_told() {
 }
 
 #[test]
+fn a_standing_pose_straightens_limbs_and_keeps_the_trunk() {
+    let model = BodyModel::builtin();
+    let (body, mut pose, _) = man(&model);
+    pose.angles[Skeleton::human().dof_index("neck_flexion").unwrap()] = 0.2;
+    let mut posed = vec![[0.0; 3]; body.n_vertices()];
+    body.skin_into(&pose, &mut posed);
+    let registration = Registration {
+        vertices: double(&posed),
+        coefficients_sd: Vec::new(),
+        pose: pose.clone(),
+        distances_m: Vec::new(),
+        unknown_landmarks: Vec::new(),
+        stray_share: 0.0,
+        flipped: Vec::new(),
+        crossing: Vec::new(),
+    };
+    let standing = registration.standing_pose(&body);
+    let moved: Vec<&str> = Skeleton::human()
+        .dofs()
+        .iter()
+        .zip(&standing.angles)
+        .filter(|(_, angle)| **angle != 0.0)
+        .map(|(dof, _)| dof.name.as_str())
+        .collect();
+    assert_eq!(moved, ["neck_flexion"]);
+    assert!((standing.root_orientation * DVec3::Z).distance(DVec3::Z) < 1e-9, "it faces +z");
+    let mut expected = vec![[0.0; 3]; body.n_vertices()];
+    body.skin_into(&standing, &mut expected);
+    let found =
+        Reposer::new(&body, &pose, &standing).carry_all(&registration.vertices, &model.template().influences);
+    assert!(errors(&found, &double(&expected)).1 < 1e-5);
+}
+
+#[test]
 fn names_of_survey_files_are_understood() {
     let model = BodyModel::builtin();
     let found = |name| find_landmark(&model.template().landmarks, name).map(|known| known.name.as_str());
