@@ -4,8 +4,8 @@
 //! [`cli`] what can be asked · [`config`] settings and their bounds · [`input`] frames and masks from video and folders ·
 //! [`track`] the tracker and the road of a clip · [`draw`] pictures of a tracked body · [`run_folder`] everything that a run
 //! writes · [`progress`] what a person who waits sees · [`stage`] sequences with true joints · [`synth`] walks of people whose
-//! bodies are known · [`eval`] accuracy against reference data · [`predict`] poses straight from a mask ·
-//! [`train`] how that is learned
+//! bodies are known · [`survey`] people whose stature, weight and sex are known · [`eval`] accuracy against reference data ·
+//! [`predict`] poses straight from a mask · [`train`] how that is learned
 
 pub mod cli;
 pub mod config;
@@ -16,6 +16,7 @@ pub mod predict;
 pub mod progress;
 pub mod run_folder;
 pub mod stage;
+pub mod survey;
 pub mod synth;
 pub mod track;
 pub mod train;

@@ -9,13 +9,21 @@ use clap::{Args, Subcommand};
 
 use super::track::{SettingsArgs, exec_config, parse_frames};
 use crate::config::Method;
-use crate::eval::{real, stage, stage_masks};
+use crate::eval::{biosig, girths, real, register, shape_space, stage, stage_masks};
 
 /// What is evaluated.
 #[derive(Debug, Subcommand)]
 pub enum EvalCommand {
     /// A real clip against its reference joints.
     Real(RealArgs),
+    /// Stature, weight and gender from known shapes and girths.
+    Biosig(BiosigArgs),
+    /// The measuring code on bodies whose girths are known.
+    Girths(GirthsArgs),
+    /// Registration of the template to scans whose true surface is known.
+    Register(RegisterArgs),
+    /// Shape spaces from registered scans and from known correspondences, side by side.
+    ShapeSpace(ShapeSpaceArgs),
     /// Trackers on a stage-like data set, against true joints.
     Stage(StageArgs),
     /// Masks cut from rendered colour clips against the clean ones.
@@ -95,6 +103,62 @@ pub struct StageMasksArgs {
     out: PathBuf,
 }
 
+/// Arguments of `umbra eval biosig`.
+#[derive(Debug, Args)]
+pub struct BiosigArgs {
+    /// The data folder, with `bodies` and `ansur` [default: as UMBRA_DATA names it].
+    #[arg(long, value_name = "FOLDER")]
+    data: Option<PathBuf>,
+    /// Where eval.json goes.
+    #[arg(long, value_name = "FOLDER", default_value = "runs/eval-biosig")]
+    out: PathBuf,
+}
+
+/// Arguments of `umbra eval girths`.
+#[derive(Debug, Args)]
+pub struct GirthsArgs {
+    /// A population of bodies with truth.csv [default: bodies of the data folder].
+    #[arg(long, value_name = "FOLDER")]
+    bodies: Option<PathBuf>,
+    /// So many of the bodies are measured without their labels, too.
+    #[arg(long, value_name = "N", default_value_t = 60)]
+    unlabelled: usize,
+    /// Where eval.json goes.
+    #[arg(long, value_name = "FOLDER", default_value = "runs/eval-girths")]
+    out: PathBuf,
+}
+
+/// Arguments of `umbra eval register`.
+#[derive(Debug, Args)]
+pub struct RegisterArgs {
+    /// Scans with landmarks and true vertices [default: scans of the data folder].
+    #[arg(long, value_name = "FOLDER")]
+    scans: Option<PathBuf>,
+    /// The population whose mesh the true vertices are on [default: bodies of the data folder].
+    #[arg(long, value_name = "FOLDER")]
+    bodies: Option<PathBuf>,
+    /// Register without the landmarks.
+    #[arg(long)]
+    without_landmarks: bool,
+    /// Where eval.json goes.
+    #[arg(long, value_name = "FOLDER", default_value = "runs/eval-register")]
+    out: PathBuf,
+}
+
+/// Arguments of `umbra eval shape-space`.
+#[derive(Debug, Args)]
+pub struct ShapeSpaceArgs {
+    /// Scans with landmarks [default: scans of the data folder].
+    #[arg(long, value_name = "FOLDER")]
+    scans: Option<PathBuf>,
+    /// The population that their bodies are of [default: bodies of the data folder].
+    #[arg(long, value_name = "FOLDER")]
+    bodies: Option<PathBuf>,
+    /// Where eval.json goes.
+    #[arg(long, value_name = "FOLDER", default_value = "runs/eval-shape-space")]
+    out: PathBuf,
+}
+
 /// Runs the command and prints its table.
 pub fn run(command: &EvalCommand) -> anyhow::Result<()> {
     let table = match command {
@@ -108,6 +172,35 @@ pub fn run(command: &EvalCommand) -> anyhow::Result<()> {
                 exec: exec_config(args.threads)?,
             })?;
             real::table(&report)
+        }
+        EvalCommand::Biosig(args) => {
+            let data = data_folder(args.data.as_deref(), "")?;
+            biosig::table(&biosig::evaluate(&biosig::BiosigEval { data, out: args.out.clone() })?)
+        }
+        EvalCommand::Girths(args) => {
+            let report = girths::evaluate(&girths::GirthsEval {
+                bodies: data_folder(args.bodies.as_deref(), "bodies")?,
+                out: args.out.clone(),
+                n_unlabelled: args.unlabelled,
+            })?;
+            girths::table(&report)
+        }
+        EvalCommand::Register(args) => {
+            let report = register::evaluate(&register::RegisterEval {
+                scans: data_folder(args.scans.as_deref(), "scans")?,
+                bodies: data_folder(args.bodies.as_deref(), "bodies")?,
+                out: args.out.clone(),
+                without_landmarks: args.without_landmarks,
+            })?;
+            register::table(&report)
+        }
+        EvalCommand::ShapeSpace(args) => {
+            let report = shape_space::evaluate(&shape_space::ShapeSpaceEval {
+                scans: data_folder(args.scans.as_deref(), "scans")?,
+                bodies: data_folder(args.bodies.as_deref(), "bodies")?,
+                out: args.out.clone(),
+            })?;
+            shape_space::table(&report)
         }
         EvalCommand::Stage(args) => {
             let report = stage::evaluate(&stage::StageEval {

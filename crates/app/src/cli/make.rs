@@ -15,6 +15,7 @@ use silhouette::Mask;
 use super::eval::data_folder;
 use crate::progress::{Progress, note};
 use crate::track::{Background, ClipInput, ClipReader};
+use crate::survey::TrainingData;
 
 /// Frames of the stage sequence that is bundled.
 const STAGE_FRAMES: u64 = 40;
@@ -28,6 +29,12 @@ pub struct AssetsArgs {
     /// Where the assets go.
     #[arg(long, value_name = "FOLDER", default_value = "crates/body/assets")]
     out: PathBuf,
+    /// Where the predictors of stature, weight and gender go.
+    #[arg(long, value_name = "FOLDER", default_value = "crates/biosig/assets")]
+    biosig_out: PathBuf,
+    /// Only the predictors, for the body model that the program has.
+    #[arg(long)]
+    biosig_only: bool,
 }
 
 /// Arguments of `umbra fixtures`.
@@ -44,13 +51,35 @@ pub struct FixturesArgs {
 /// Builds the body model and the pose prior.
 pub fn assets(args: &AssetsArgs) -> anyhow::Result<()> {
     let data = data_folder(args.data.as_deref(), "")?;
+    if args.biosig_only {
+        return predictors(&data, &args.biosig_out);
+    }
     make_folder(&args.out)?;
     let file =
         build_body_asset(&BodiesData::read(&data.join("bodies"))?.training(), &BuildConfig::default())?;
     write(&args.out.join("umbra-body.bin"), &file.to_bytes())?;
     let model = BodyModel::from_file(file)?;
     let prior = build_pose_prior(&data.join("cmu"), model.mean().rest_joints())?;
-    write(&args.out.join("umbra-prior.bin"), &prior.to_bytes())
+    write(&args.out.join("umbra-prior.bin"), &prior.to_bytes())?;
+    note(
+        "build the program anew and run `umbra assets --biosig-only`: the predictors are of the body model in the program",
+    );
+    Ok(())
+}
+
+/// Trains the predictors of stature, weight and gender.
+fn predictors(data: &Path, out: &Path) -> anyhow::Result<()> {
+    make_folder(out)?;
+    let predictors = TrainingData::read(data)?.predictors()?;
+    for (name, predictor) in [
+        ("shape", &predictors.shape),
+        ("girths", &predictors.girths),
+        ("girths and stature", &predictors.girths_and_stature),
+    ] {
+        let [stature, weight, gender] = predictor.n_bases();
+        note(&format!("{name}: {stature} bases for stature, {weight} for weight, {gender} for gender"));
+    }
+    write(&out.join("umbra-biosig.bin"), &predictors.to_bytes())
 }
 
 /// Makes the bundled clips: silhouettes and reference joints, no pictures.

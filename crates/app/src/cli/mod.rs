@@ -4,6 +4,8 @@ mod demo;
 pub(crate) mod eval;
 mod info;
 mod make;
+mod measure;
+mod register;
 mod track;
 mod train;
 
@@ -30,6 +32,10 @@ enum Command {
     Track(track::TrackArgs),
     /// Print what a run folder holds.
     Info(info::InfoArgs),
+    /// Measure girths, stature and volume of a body mesh.
+    Measure(measure::MeasureArgs),
+    /// Bring the template onto a scan of a person, or a folder of scans.
+    Register(register::RegisterArgs),
     /// Measure accuracy against reference data.
     #[command(subcommand)]
     Eval(eval::EvalCommand),
@@ -48,6 +54,8 @@ pub fn main() -> ExitCode {
         Command::Demo(args) => demo::run(&args),
         Command::Track(args) => track::run(&args),
         Command::Info(args) => info::run(&args),
+        Command::Measure(args) => measure::run(&args),
+        Command::Register(args) => register::run(&args),
         Command::Eval(command) => eval::run(&command),
         Command::Train(args) => train::run(&args),
         Command::Assets(args) => make::assets(&args),

@@ -1,8 +1,12 @@
 //! Studies: how near the program comes to reference data. Each writes `eval.json` and returns what is printed.
 
+pub mod biosig;
+pub mod girths;
 pub mod joint_error;
 pub mod real;
 pub mod reference;
+pub mod register;
+pub mod shape_space;
 pub mod stage;
 pub mod stage_masks;
 
@@ -11,6 +15,11 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use serde::Serialize;
+
+/// A line of a table.
+fn markdown_row<const N: usize>(cells: [String; N]) -> String {
+    format!("| {} |\n", cells.join(" | "))
+}
 
 /// Writes `eval.json` into the folder `out`, which is made when it is not there.
 fn write_json(out: &Path, report: &impl Serialize) -> anyhow::Result<()> {

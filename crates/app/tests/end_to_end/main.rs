@@ -3,5 +3,6 @@
 
 mod accuracy;
 mod bad_input;
+mod measure;
 mod support;
 mod track;
