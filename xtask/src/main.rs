@@ -26,12 +26,14 @@ checks
 runs of `umbra`, built in release; the arguments are passed on
   assets ...            make the body model the program ships
   fixtures ...          make the clips under fixtures/
+  train-shape ...       learn what a fitted body says of girths, weight and gender
   eval real ...         score tracking on a folder laid out as a recorded clip
   eval stage ...        score trackers on a stage-like data set
   eval biosig ...       score stature, weight and gender from known shapes
   eval girths ...       score the measuring code on bodies of known girths
   eval register ...     score registration on scans of known surface
   eval shape-space ...  compare shape spaces of scans and of known meshes
+  eval shape ...        score bodies of people who trained nothing
   eval stage-masks ...  score masks made from pictures against clean ones";
 
 fn main() -> ExitCode {
@@ -57,9 +59,12 @@ fn run(args: &[String]) -> Result<ExitCode> {
             let bench = ["bench", "--workspace", "--bench", "*", "--"];
             workspace::cargo(bench.iter().chain(filter))
         }
-        ["assets" | "fixtures", ..]
-        | ["eval", "real" | "stage" | "stage-masks" | "girths" | "register" | "biosig" | "shape-space", ..] =>
-        {
+        ["assets" | "fixtures" | "train-shape", ..]
+        | [
+            "eval",
+            "real" | "shape" | "stage" | "stage-masks" | "girths" | "register" | "biosig" | "shape-space",
+            ..,
+        ] => {
             let umbra = ["run", "--release", "--package", "app", "--bin", "umbra", "--"];
             workspace::cargo(umbra.iter().chain(&words))
         }

@@ -15,6 +15,7 @@ pub mod input;
 pub mod predict;
 pub mod progress;
 pub mod run_folder;
+pub mod shape;
 pub mod stage;
 pub mod survey;
 pub mod synth;

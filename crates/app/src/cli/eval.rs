@@ -9,7 +9,7 @@ use clap::{Args, Subcommand};
 
 use super::track::{SettingsArgs, exec_config, parse_frames};
 use crate::config::Method;
-use crate::eval::{biosig, girths, real, register, shape_space, stage, stage_masks};
+use crate::eval::{biosig, girths, real, register, shape, shape_space, stage, stage_masks};
 
 /// What is evaluated.
 #[derive(Debug, Subcommand)]
@@ -26,6 +26,8 @@ pub enum EvalCommand {
     ShapeSpace(ShapeSpaceArgs),
     /// Trackers on a stage-like data set, against true joints.
     Stage(StageArgs),
+    /// Bodies of people who trained nothing, from synthetic walks.
+    Shape(ShapeArgs),
     /// Masks cut from rendered colour clips against the clean ones.
     StageMasks(StageMasksArgs),
 }
@@ -90,6 +92,26 @@ pub struct StageArgs {
     threads: Option<usize>,
     #[command(flatten)]
     settings: SettingsArgs,
+}
+
+/// Arguments of `umbra eval shape`.
+#[derive(Debug, Args)]
+pub struct ShapeArgs {
+    /// A folder of bodies [default: bodies of the data folder, of which only those that trained nothing count].
+    #[arg(long, value_name = "FOLDER")]
+    bodies: Option<PathBuf>,
+    /// Number of people.
+    #[arg(long, value_name = "N", default_value_t = 100)]
+    people: usize,
+    /// Training people and motion instead: for tuning.
+    #[arg(long)]
+    training: bool,
+    /// Where eval.json goes.
+    #[arg(long, value_name = "FOLDER", default_value = "runs/eval-shape")]
+    out: PathBuf,
+    /// Worker threads; the results do not depend on them [default: one a core].
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
 }
 
 /// Arguments of `umbra eval stage-masks`.
@@ -219,6 +241,18 @@ pub fn run(command: &EvalCommand) -> anyhow::Result<()> {
             })?;
             stage::table(&report)
         }
+        EvalCommand::Shape(args) => {
+            let eval = shape::ShapeEval {
+                population: data_folder(None, "bodies")?,
+                bodies: args.bodies.clone(),
+                stage: data_folder(None, "stage").ok(),
+                motions: data_folder(None, "cmu")?,
+                on_training: args.training,
+                people: args.people,
+                out: args.out.clone(),
+            };
+            shape::table(&in_pool(exec_config(args.threads)?, || shape::evaluate(&eval))?)
+        }
         EvalCommand::StageMasks(args) => {
             let data = data_folder(args.data.as_deref(), "stage")?;
             stage_masks_table(&stage_masks::evaluate(&data, &args.out)?)
@@ -226,6 +260,14 @@ pub fn run(command: &EvalCommand) -> anyhow::Result<()> {
     };
     std::io::stdout().write_all(table.as_bytes())?;
     Ok(())
+}
+
+/// Runs `work` on so many threads.
+pub fn in_pool<T: Send>(
+    exec: crate::config::ExecConfig,
+    work: impl FnOnce() -> anyhow::Result<T> + Send,
+) -> anyhow::Result<T> {
+    rayon::ThreadPoolBuilder::new().num_threads(exec.threads).build()?.install(work)
 }
 
 /// The folder asked for, else `inside` the data folder that `UMBRA_DATA` names or that lies beside the repository.

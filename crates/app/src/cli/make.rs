@@ -13,6 +13,7 @@ use image::{ExtendedColorType, ImageEncoder as _};
 use silhouette::Mask;
 
 use super::eval::data_folder;
+use crate::eval::shape::train::train;
 use crate::progress::{Progress, note};
 use crate::track::{Background, ClipInput, ClipReader};
 use crate::survey::TrainingData;
@@ -35,6 +36,20 @@ pub struct AssetsArgs {
     /// Only the predictors, for the body model that the program has.
     #[arg(long)]
     biosig_only: bool,
+}
+
+/// Arguments of `umbra train-shape`.
+#[derive(Debug, Args)]
+pub struct TrainShapeArgs {
+    /// The data folder, with `bodies` and `cmu` [default: as UMBRA_DATA names it].
+    #[arg(long, value_name = "FOLDER")]
+    data: Option<PathBuf>,
+    /// Training people who walk.
+    #[arg(long, value_name = "N", default_value_t = 200)]
+    people: usize,
+    /// Where umbra-shape.json goes.
+    #[arg(long, value_name = "FOLDER", default_value = "crates/app/assets")]
+    out: PathBuf,
 }
 
 /// Arguments of `umbra fixtures`.
@@ -80,6 +95,15 @@ fn predictors(data: &Path, out: &Path) -> anyhow::Result<()> {
         note(&format!("{name}: {stature} bases for stature, {weight} for weight, {gender} for gender"));
     }
     write(&out.join("umbra-biosig.bin"), &predictors.to_bytes())
+}
+
+/// Learns the predictor of a fitted body.
+pub fn train_shape(args: &TrainShapeArgs) -> anyhow::Result<()> {
+    let data = data_folder(args.data.as_deref(), "")?;
+    make_folder(&args.out)?;
+    let path = train(&data.join("bodies"), &data.join("cmu"), args.people, &args.out)?;
+    note(&format!("{}: written", path.display()));
+    Ok(())
 }
 
 /// Makes the bundled clips: silhouettes and reference joints, no pictures.

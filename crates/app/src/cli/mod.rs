@@ -6,6 +6,7 @@ mod info;
 mod make;
 mod measure;
 mod register;
+mod shape;
 mod track;
 mod train;
 
@@ -30,6 +31,8 @@ enum Command {
     Demo(demo::DemoArgs),
     /// Track the person in a video, a folder of frames or a folder of masks.
     Track(track::TrackArgs),
+    /// Find the body of the person of a finished run: girths, stature, weight, gender.
+    Shape(shape::ShapeArgs),
     /// Print what a run folder holds.
     Info(info::InfoArgs),
     /// Measure girths, stature and volume of a body mesh.
@@ -43,6 +46,8 @@ enum Command {
     Train(train::TrainArgs),
     /// Build the body model and the pose prior from their source data.
     Assets(make::AssetsArgs),
+    /// Learn from synthetic walks what a fitted body says of girths, weight and gender.
+    TrainShape(make::TrainShapeArgs),
     /// Make the bundled test input from its source data.
     Fixtures(make::FixturesArgs),
 }
@@ -53,12 +58,14 @@ pub fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Demo(args) => demo::run(&args),
         Command::Track(args) => track::run(&args),
+        Command::Shape(args) => shape::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Measure(args) => measure::run(&args),
         Command::Register(args) => register::run(&args),
         Command::Eval(command) => eval::run(&command),
         Command::Train(args) => train::run(&args),
         Command::Assets(args) => make::assets(&args),
+        Command::TrainShape(args) => make::train_shape(&args),
         Command::Fixtures(args) => make::fixtures(&args),
     };
     match result {

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context as _, bail};
 use clap::Args;
 
+use super::shape::{self, ShapeOptions};
 use crate::config::{ExecConfig, Method, Motion, TrackConfig, Weighting};
 use crate::progress::note;
 use crate::run_folder::Existing;
@@ -51,6 +52,11 @@ pub struct TrackArgs {
     /// Replace a run that is already in the folder.
     #[arg(long, conflicts_with = "resume")]
     force: bool,
+    /// Find the body of the person too: girths, stature, weight, gender, as `umbra shape` does.
+    #[arg(long)]
+    shape: bool,
+    #[command(flatten)]
+    shape_options: ShapeOptions,
     /// Worker threads; the results do not depend on them [default: one a core].
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
@@ -203,6 +209,9 @@ pub fn run(args: &TrackArgs) -> anyhow::Result<()> {
     };
     let outcome = track_clip(&job, exec_config(args.threads)?)?;
     report(&job, &outcome);
+    if args.shape {
+        shape::fit(&args.out, args.settings.stature_m, &args.shape_options, args.threads)?;
+    }
     Ok(())
 }
 

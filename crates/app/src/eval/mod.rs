@@ -7,6 +7,7 @@ pub mod real;
 pub mod reference;
 pub mod register;
 pub mod shape_space;
+pub mod shape;
 pub mod stage;
 pub mod stage_masks;
 

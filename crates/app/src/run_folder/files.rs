@@ -64,6 +64,14 @@ pub(super) fn private_file() -> OpenOptions {
     options
 }
 
+/// Writes a whole file that only its owner reads: it appears complete, or stays as it was.
+///
+/// # Errors
+/// When the disk is full, say.
+pub fn write_private(path: &Path, bytes: &[u8]) -> Result<(), WriteRunError> {
+    write_whole(path, bytes)
+}
+
 /// Writes a whole file: it appears complete, or stays as it was.
 pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), WriteRunError> {
     let mut file = PendingFile::create(path)?;

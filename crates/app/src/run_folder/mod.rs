@@ -2,9 +2,10 @@
 //!
 //! Frame after frame goes to a journal that survives a crash; the tables, the log and the pictures are made from
 //! it at the end, so that a run that was interrupted and resumed ends with the same bytes as one that was not. No file
-//! holds a time of day.
+//! holds a time of day. A finished run can be read back, and a shape fit adds its files to it.
 
 mod files;
+mod finished;
 mod foxglove;
 mod journal;
 mod mcap_file;
@@ -30,7 +31,8 @@ use record::{Entry, Outlines};
 use run_file::{BodyFile, CameraFile, RunFile, VERSION};
 use scene::Scene;
 
-pub use files::WriteRunError;
+pub use files::{WriteRunError, write_private};
+pub use finished::FinishedRun;
 pub use record::{FrameRecord, Status};
 pub use run_file::RunInput;
 pub use summary::{Summary, describe};
@@ -43,10 +45,13 @@ const JOINTS: &str = "joints.csv";
 const LOG: &str = "run.mcap";
 const FILMSTRIP: &str = "filmstrip.png";
 const OVERLAY: &str = "overlay";
+/// What a shape fit adds.
+const SHAPE_FILES: [&str; 5] =
+    ["biosignatures.json", "body.obj", "body.glb", "body.png", "shape_per_frame.csv"];
 const JPEG_QUALITY: u8 = 88;
 
 /// What a finished run consists of.
-const PRODUCTS: [(&str, &str); 7] = [
+const PRODUCTS: [(&str, &str); 12] = [
     (RUN_FILE, "settings, inputs and versions"),
     (SUMMARY, "these results"),
     (POSES, "position, orientation and joint angles of every frame"),
@@ -54,6 +59,11 @@ const PRODUCTS: [(&str, &str); 7] = [
     (LOG, "everything over time, for Foxglove and Rerun"),
     (FILMSTRIP, "some frames side by side"),
     (OVERLAY, "the body drawn over every frame"),
+    (SHAPE_FILES[0], "girths, stature, weight and gender with their intervals"),
+    (SHAPE_FILES[1], "the fitted body at rest, metres, y up"),
+    (SHAPE_FILES[2], "the same for viewers of glTF"),
+    (SHAPE_FILES[3], "the fitted body and where it was measured"),
+    (SHAPE_FILES[4], "what each frame says on its own"),
 ];
 
 /// What to do with a run that is already in the folder.
@@ -302,6 +312,7 @@ fn remove_run(folder: &Path) -> Result<(), WriteRunError> {
             entries.filter_map(|entry| Some(entry.ok()?.path())).filter(|path| numbered(path)).collect()
         })
         .unwrap_or_default();
+    files.extend(SHAPE_FILES.map(|name| folder.join(name)));
     files.extend([JOURNAL, SUMMARY, POSES, JOINTS, LOG, FILMSTRIP, RUN_FILE].map(|name| folder.join(name)));
     for path in files {
         match fs::remove_file(&path) {

@@ -298,3 +298,70 @@ fn ellipse(centre: DVec2, radii_px: [f64; 2], turn_rad: f64) -> Vec<[f64; 2]> {
     };
     (0..N_CORNERS).map(corner).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pf_core::rng::{Draw, Purpose, particle_rng};
+
+    const N_FRAMES: usize = 300;
+
+    fn camera() -> Camera {
+        let intrinsics = body::Intrinsics::from_focal(320, 240, 350.0).unwrap();
+        Camera::look_at(intrinsics, DVec3::new(0.0, -4.0, 1.5), DVec3::new(0.0, 0.0, 0.9)).unwrap()
+    }
+
+    fn noisy(config: NoiseConfig) -> (Mask, Vec<Mask>) {
+        let clean = Mask::from_fn(320, 240, |x, y| (100..220).contains(&x) && (40..200).contains(&y));
+        let rng = particle_rng(Draw { seed: 3, frame: 0, layer: 0, purpose: Purpose::User }, 0);
+        let mut noise = Noise::new(config, N_FRAMES, 60.0, rng);
+        let joints = [DVec3::new(0.0, 0.0, 0.3); N_JOINTS];
+        let masks = (0..N_FRAMES).map(|index| noise.observe(index, &clean, &camera(), &joints)).collect();
+        (clean, masks)
+    }
+
+    /// Nothing but the outline.
+    fn outline_only() -> NoiseConfig {
+        NoiseConfig {
+            missing_share: 0.0,
+            holes_share: 0.0,
+            shadow_share: 0.0,
+            most_specks: 0,
+            ..NoiseConfig::default()
+        }
+    }
+
+    #[test]
+    fn the_outline_wanders_by_a_pixel_either_way() {
+        let (_, masks) = noisy(outline_only());
+        // Where the left edge lies on rows away from the corners.
+        let edges: Vec<f64> = masks
+            .iter()
+            .step_by(8)
+            .flat_map(|mask| {
+                (60..180).step_by(18).map(|y| f64::from((80..120).find(|&x| mask.get(x, y)).unwrap()))
+            })
+            .collect();
+        let mean = edges.iter().sum::<f64>() / edges.len() as f64;
+        let sd = (edges.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / edges.len() as f64).sqrt();
+        // 260 places that are nearly independent: 0.06 px of standard error; whole pixels add 0.29 px in square.
+        assert!((mean - 100.0).abs() < 0.3, "{mean}");
+        assert!((0.8..1.3).contains(&sd), "{sd}");
+        assert!(edges.iter().all(|x| (x - 100.0).abs() <= 3.0));
+    }
+
+    #[test]
+    fn events_are_as_frequent_as_asked() {
+        for (share, config) in [
+            (0.12, NoiseConfig { holes_share: 0.12, ..outline_only() }),
+            (0.15, NoiseConfig { shadow_share: 0.15, ..outline_only() }),
+        ] {
+            let quiet = NoiseConfig { outline_most_px: 0.0, ..config };
+            let (clean, masks) = noisy(quiet);
+            let touched = masks.iter().filter(|mask| **mask != clean).count() as f64 / N_FRAMES as f64;
+            assert!((0.3 * share..2.5 * share).contains(&touched), "{touched} instead of {share}");
+        }
+        let (clean, masks) = noisy(NoiseConfig { outline_most_px: 0.0, ..outline_only() });
+        assert!(masks.iter().all(|mask| *mask == clean));
+    }
+}

@@ -86,7 +86,8 @@ impl Studio {
         let stream =
             |layer: u32| particle_rng(Draw { seed, frame: person as u64, layer, purpose: Purpose::User }, 0);
         let body = self.people.body(person);
-        let motion = self.walks.walk(body.rest_joints(), &self.walk, &mut stream(0))?;
+        let mut motion = self.walks.walk(body.rest_joints(), &self.walk, &mut stream(0))?;
+        put_on_floor(&body, &mut motion.poses);
         let camera = camera(&mut stream(1))?;
         let mut noise = Noise::new(self.noise.clone(), motion.poses.len(), self.walk.rate_hz, stream(2));
         let mut positions = Vec::new();
@@ -97,6 +98,16 @@ impl Studio {
             frames.push(WalkFrame { pose, clean, observed });
         }
         Ok(SyntheticWalk { person, motion: motion.name, camera, rate_hz: self.walk.rate_hz, frames })
+    }
+}
+
+/// Lifts or lowers the body on each frame so that it stands on the floor: somebody who walks always does.
+fn put_on_floor(body: &FullBody, poses: &mut [Pose]) {
+    let mut vertices = Vec::new();
+    for pose in poses {
+        body.skin_into(&glam::DAffine3::IDENTITY, pose, &mut vertices);
+        let lowest = vertices.iter().map(|vertex| vertex[2]).fold(f32::INFINITY, f32::min);
+        pose.root_position.z -= f64::from(lowest);
     }
 }
 

@@ -4,5 +4,6 @@
 mod accuracy;
 mod bad_input;
 mod measure;
+mod shape;
 mod support;
 mod track;

@@ -1,0 +1,105 @@
+//! `umbra eval shape`: bodies of people who trained nothing, from synthetic walks that the program tracks itself.
+//!
+//! Motion is of recorded people whose recordings trained nothing either. Where another folder of bodies is given, all of them are
+//! tested. Baselines predict a quantity without a look at the person: the mean of the true sex, and lines on the true
+//! stature, or stature and weight, learned on the training bodies.
+
+mod baseline;
+mod report;
+mod stage;
+pub mod train;
+pub mod walks;
+
+use std::path::PathBuf;
+
+use anyhow::bail;
+
+use super::write_json;
+use crate::shape::{Known, Predictor, Quantity, ShapeConfig, light_tracking};
+use crate::synth::{People, Studio};
+use baseline::Baselines;
+use report::{Score, Scored};
+pub use report::{ShapeReport, table};
+use walks::{choose_people, fit_people};
+
+/// Seed of the walks.
+const SEED: u64 = 2;
+
+/// Frames of each person that are fitted on their own.
+const SINGLE_FRAMES: usize = 3;
+
+/// What to evaluate.
+#[derive(Clone, Debug)]
+pub struct ShapeEval {
+    /// The population.
+    pub population: PathBuf,
+    /// Another folder of bodies; the held-out part of the population when absent.
+    pub bodies: Option<PathBuf>,
+    /// A stage-like data set whose subjects are fitted too, where it is there.
+    pub stage: Option<PathBuf>,
+    /// Folder of recorded motion.
+    pub motions: PathBuf,
+    /// Take training people and training motion instead: for tuning.
+    pub on_training: bool,
+    /// Number of people.
+    pub people: usize,
+    /// Where `eval.json` goes.
+    pub out: PathBuf,
+}
+
+/// Runs the evaluation, writes `eval.json` and returns the report.
+///
+/// # Errors
+/// When the data cannot be read, or the results not be written.
+pub fn evaluate(eval: &ShapeEval) -> anyhow::Result<ShapeReport> {
+    let population = People::read(&eval.population)?;
+    let folder = eval.bodies.as_ref().unwrap_or(&eval.population);
+    let split = if eval.on_training { "train" } else { "validate" };
+    let studio = Studio::open(folder, &eval.motions, &[split])?;
+    let is_population = studio.people.data().coefficients == population.data().coefficients;
+    let range = match (is_population, eval.on_training) {
+        (true, false) => population.held_out(),
+        (true, true) => 0..population.held_out().start,
+        (false, _) => 0..studio.people.len(),
+    };
+    let truths = studio.people.truths();
+    let people = choose_people(truths, range, eval.people);
+    if people.len() < 2 {
+        bail!("{}: {} people to test, expected 2 at least", folder.display(), people.len());
+    }
+    let fits = fit_people(&studio, &people, SEED, &light_tracking(), &ShapeConfig::default(), SINGLE_FRAMES)?;
+    let baselines = Baselines::learn(&population.truths()[..population.held_out().start]);
+    let predictor = Predictor::builtin();
+    let mut scored = Vec::new();
+    for found in &fits {
+        let truth = &truths[found.person];
+        let known = |stature: bool, weight: bool| Known {
+            stature_m: stature.then_some(truth.stature_m),
+            weight_kg: weight.then_some(truth.weight_kg),
+        };
+        let predict = |known: Known| found.fit.as_ref().map(|fit| predictor.predict(fit, &known));
+        scored.push(Scored {
+            truth,
+            person: predict(Known::default()),
+            with_stature: predict(known(true, false)),
+            with_both: predict(known(true, true)),
+            frames: found.single.iter().map(|fit| predictor.predict(fit, &Known::default())).collect(),
+            baselines: Quantity::ALL.map(|quantity| baselines.of(quantity, truth)),
+        });
+    }
+    let stage = match &eval.stage {
+        Some(data) => stage::subjects(data, &light_tracking(), &ShapeConfig::default())?,
+        None => Vec::new(),
+    };
+    let report = ShapeReport::of(&scored, stage, fits.iter().map(|found| found.seconds));
+    write_json(&eval.out, &report)?;
+    report::write_people(&eval.out, &scored)?;
+    Ok(report)
+}
+
+impl Score {
+    /// Errors are told in millimetres and kilograms.
+    fn scale(quantity: Quantity) -> f64 {
+        if quantity == Quantity::Weight { 1.0 } else { 1e3 }
+    }
+}
