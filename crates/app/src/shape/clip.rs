@@ -8,10 +8,11 @@ use silhouette::Mask;
 
 use super::fit::{ShapeConfig, ShapeFit, ShapeFrame, fit_shape};
 use super::survey::{Survey, survey};
-use crate::config::{TrackConfig, TrackParams};
+use crate::config::{Method, TrackConfig, TrackParams};
 use crate::run_folder::Status;
 use crate::track::follower::Follower;
 use crate::track::pose_model::FreeJoints;
+use crate::track::tracker::Scene;
 
 /// Masks beyond the current one that a start looks at.
 const START_MASKS: usize = 12;
@@ -21,7 +22,14 @@ const SURVEY_BIAS_M: f64 = -0.025;
 
 /// Settings of the tracker for a shape fit: it needs to know roughly where the person is, since the fit finds the poses anew.
 pub fn light_tracking() -> TrackConfig {
-    TrackConfig { modes: 1, particles: 50, layers: 6, working_height_px: 220.0, ..TrackConfig::default() }
+    TrackConfig {
+        method: Method::Apf,
+        modes: 1,
+        particles: 50,
+        layers: 6,
+        working_height_px: 220.0,
+        ..TrackConfig::default()
+    }
 }
 
 /// Tracks the person on `masks`, `fps` a second, and fits one body to them. None when no frame shows a whole person.
@@ -45,7 +53,8 @@ pub fn shape_from_masks(
     })?;
     let body = Arc::new(model.shape_for_stature(stature_m, None));
     let prior = Arc::new(FreeJoints::new(&PosePrior::builtin(), params.widening()));
-    let mut follower = Follower::new(body, camera.clone(), prior, fps, params);
+    let scene = Scene { body, camera: *camera, model: prior, predictor: None, fps, params };
+    let mut follower = Follower::new(scene);
     let mut poses = Vec::new();
     for (index, mask) in masks.iter().enumerate() {
         let ahead = &masks[index..(index + START_MASKS).min(masks.len())];
