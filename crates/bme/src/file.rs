@@ -85,8 +85,8 @@ pub struct FunctionFile {
     pub total_weight: f64,
 }
 
-/// The samples that a model keeps one by one, so that it can learn on.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// The samples that a model keeps one by one, so that it can learn on. Without any, the centres stand for them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MemoryFile {
     /// Inputs, row after row.
     pub inputs: Vec<f32>,
@@ -142,6 +142,17 @@ pub struct HierarchicalFile {
     pub gate: RvmClassifierFile,
     /// The mixtures of each view, that of the heading last.
     pub views: Vec<Vec<MixtureFile>>,
+}
+
+impl HierarchicalFile {
+    /// Leaves out the samples that models keep, two thirds of a file; what is learnt later then disturbs more of what was
+    /// known.
+    pub fn forget_samples(&mut self) {
+        let gates = self.views.iter_mut().flatten().map(|block| &mut block.gate.memory);
+        gates.chain([&mut self.gate.memory]).for_each(|memory| *memory = MemoryFile::default());
+        let experts = self.views.iter_mut().flatten().flat_map(|block| &mut block.experts);
+        experts.for_each(|expert| expert.memory = MemoryFile::default());
+    }
 }
 
 /// A [`MixtureDensity`].
@@ -263,8 +274,17 @@ impl From<&Memory> for MemoryFile {
 }
 
 impl MemoryFile {
-    fn read(self, dim: usize, n_functions: usize) -> Result<Memory, ModelFileError> {
-        let inputs = Inputs::from_rows(dim, self.inputs.into_iter().map(f64::from));
+    fn read(
+        self,
+        kernel: &Kernel,
+        centres: &Inputs,
+        functions: &[SparseFunction],
+    ) -> Result<Memory, ModelFileError> {
+        if self.inputs.is_empty() {
+            return Ok(Memory::of_centres(kernel, centres, functions));
+        }
+        let n_functions = functions.len();
+        let inputs = Inputs::from_rows(kernel.dim(), self.inputs.into_iter().map(f64::from));
         let inputs = inputs.map_err(ModelFileError::Centres)?;
         same_length("memory.precisions", self.precisions.len(), n_functions)?;
         same_length("memory.weighted_targets", self.weighted_targets.len(), n_functions)?;
@@ -299,8 +319,9 @@ impl TryFrom<RvmFile> for Rvm {
     fn try_from(file: RvmFile) -> Result<Self, ModelFileError> {
         this_version(file.version)?;
         let (kernel, centres) = file.bases.read()?;
-        let memory = file.memory.read(kernel.dim(), file.outputs.len())?;
-        let outputs = file.outputs.into_iter().map(|f| f.read(centres.len())).collect::<Result<_, _>>()?;
+        let outputs: Vec<SparseFunction> =
+            file.outputs.into_iter().map(|f| f.read(centres.len())).collect::<Result<_, _>>()?;
+        let memory = file.memory.read(&kernel, &centres, &outputs)?;
         Ok(Self { kernel, centres, outputs, memory })
     }
 }
@@ -333,8 +354,9 @@ impl TryFrom<RvmClassifierFile> for RvmClassifier {
         };
         same_length("logits", file.logits.len(), n_logits)?;
         all_finite("log_evidence", &[file.log_evidence])?;
-        let logits = file.logits.into_iter().map(|f| f.read(centres.len())).collect::<Result<_, _>>()?;
-        let memory = file.memory.read(kernel.dim(), n_logits)?;
+        let logits: Vec<SparseFunction> =
+            file.logits.into_iter().map(|f| f.read(centres.len())).collect::<Result<_, _>>()?;
+        let memory = file.memory.read(&kernel, &centres, &logits)?;
         Ok(Self { kernel, centres, logits, n_classes, log_evidence: file.log_evidence, memory })
     }
 }

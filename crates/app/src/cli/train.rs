@@ -1,17 +1,21 @@
 //! `umbra train`: predictors of poses from masks.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::Context as _;
 use clap::Args;
 
 use super::eval::data_folder;
-use crate::progress::note;
+use crate::predict::{Activity, PosePredictor};
+use crate::progress::{Progress, note};
 use crate::stage::Sequence;
 use crate::train::validate::cross_validate;
-use crate::train::{DescriptorKind, TrainConfig, train_on_sequence};
+use crate::train::{DescriptorKind, TrainConfig, train_on_recordings, train_on_sequence};
+
+/// Bases of an expert of the shipped models, which have to be small.
+const SHIPPED_BASES: usize = 32;
 
 /// Arguments of `umbra train`.
 #[derive(Debug, Args)]
@@ -20,8 +24,12 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FOLDER")]
     stage: Option<PathBuf>,
     /// Sequences of it, as `S1/Walking_1`.
-    #[arg(long, value_name = "SEQUENCE", num_args = 1.., required = true)]
+    #[arg(long, value_name = "SEQUENCE", num_args = 1.., required_unless_present = "recordings")]
     sequence: Vec<String>,
+    /// Train the models that the program ships instead, on masks rendered from the recorded motion in this folder
+    /// (`cmu`). Models that are in the output folder already are kept: an interrupted training goes on there.
+    #[arg(long, value_name = "FOLDER", visible_alias = "cmu", conflicts_with = "sequence")]
+    recordings: Option<PathBuf>,
     /// The camera whose masks are learned from.
     #[arg(long, default_value = "C2")]
     camera: String,
@@ -75,6 +83,9 @@ impl TrainArgs {
 
 /// Trains, or validates, one sequence after the other.
 pub fn run(args: &TrainArgs) -> anyhow::Result<()> {
+    if let Some(recordings) = &args.recordings {
+        return train_shipped(recordings, args);
+    }
     let stage = data_folder(args.stage.as_deref(), "stage")?;
     let config = args.config();
     for name in &args.sequence {
@@ -94,19 +105,45 @@ pub fn run(args: &TrainArgs) -> anyhow::Result<()> {
             ));
         } else {
             let predictor = train_on_sequence(&sequence, &args.camera, &args.masks, &config)?;
-            let bytes = predictor.to_bytes();
-            fs::create_dir_all(&args.out)
-                .with_context(|| format!("{}: cannot make the folder", args.out.display()))?;
             let path = args.out.join(format!("{}.bin", name.replace('/', "-")));
-            fs::write(&path, &bytes).with_context(|| format!("{}: cannot write", path.display()))?;
-            note(&format!(
-                "{}: {} masks, {:.1} MB, {:.1} s",
-                path.display(),
-                predictor.training().n_masks,
-                bytes.len() as f64 / 1e6,
-                start.elapsed().as_secs_f64()
-            ));
+            write(&path, &predictor.to_bytes(), &predictor, start)?;
         }
     }
+    Ok(())
+}
+
+/// Every activity that is not in the output folder yet.
+fn train_shipped(recordings: &Path, args: &TrainArgs) -> anyhow::Result<()> {
+    let mut config = args.config();
+    config.experts.mixture.expert.max_bases = SHIPPED_BASES;
+    let mut progress = Progress::start("training", 0, Some(Activity::ALL.len() as u64));
+    for activity in Activity::ALL {
+        let path = args.out.join(format!("predict-{}.bin", activity.name()));
+        if path.is_file() {
+            progress.note(&format!("{}: there already", path.display()));
+        } else {
+            let start = Instant::now();
+            let predictor = train_on_recordings(recordings, activity, &config)?;
+            write(&path, &predictor.to_small_bytes(), &predictor, start)?;
+        }
+        progress.advance();
+    }
+    Ok(())
+}
+
+/// Writes a model whole or not at all.
+fn write(path: &Path, bytes: &[u8], predictor: &PosePredictor, start: Instant) -> anyhow::Result<()> {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+    let partial = path.with_extension("partial");
+    fs::write(&partial, bytes).with_context(|| format!("{}: cannot write", partial.display()))?;
+    fs::rename(&partial, path).with_context(|| format!("{}: cannot write", path.display()))?;
+    note(&format!(
+        "{}: {} masks, {:.1} MB, {:.1} s",
+        path.display(),
+        predictor.training().n_masks,
+        bytes.len() as f64 / 1e6,
+        start.elapsed().as_secs_f64()
+    ));
     Ok(())
 }

@@ -53,14 +53,23 @@ pub enum LoadPredictorError {
 impl PosePredictor {
     /// The file of this predictor.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let file = PredictorFile {
+        sealed(&self.file())
+    }
+
+    /// A file of a third the size, of a predictor that cannot learn on as well.
+    pub fn to_small_bytes(&self) -> Vec<u8> {
+        let mut file = self.file();
+        file.experts.forget_samples();
+        sealed(&file)
+    }
+
+    fn file(&self) -> PredictorFile {
+        PredictorFile {
             training: self.training.clone(),
             descriptor: (&self.descriptor).into(),
             space: self.space.clone(),
             experts: (&self.experts).into(),
-        };
-        let data = postcard::to_stdvec(&file).expect("plain numbers and strings always encode");
-        container::seal(MAGIC, VERSION, &data)
+        }
     }
 
     /// Reads what [`Self::to_bytes`] wrote.
@@ -82,4 +91,9 @@ impl PosePredictor {
         }
         Ok(Self { training: file.training, descriptor, space: file.space, experts })
     }
+}
+
+fn sealed(file: &PredictorFile) -> Vec<u8> {
+    let data = postcard::to_stdvec(file).expect("plain numbers and strings always encode");
+    container::seal(MAGIC, VERSION, &data)
 }

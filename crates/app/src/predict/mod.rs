@@ -10,6 +10,7 @@ mod dynamics;
 mod file;
 mod pose_space;
 mod predictor;
+mod shipped;
 mod transition;
 mod viewed;
 
@@ -18,5 +19,6 @@ pub use dynamics::{DynamicsError, LatentDynamics};
 pub use file::LoadPredictorError;
 pub use pose_space::PoseSpace;
 pub use predictor::{PoseDensity, PoseMode, PosePredictor, Training};
+pub use shipped::Activity;
 pub use transition::TransitionPredictor;
 pub use viewed::{ViewedPose, wrapped};

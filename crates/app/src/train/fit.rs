@@ -51,7 +51,7 @@ impl Default for TrainConfig {
         Self {
             descriptor: DescriptorKind::Crop,
             pose_dim: 10,
-            views_per_pose: 0,
+            views_per_pose: 3,
             mirror: false,
             experts: HierarchicalConfig { max_centres: 400, mixture, ..HierarchicalConfig::default() },
             seed: 0,

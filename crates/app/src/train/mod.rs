@@ -6,6 +6,7 @@
 mod examples;
 mod fit;
 pub mod noise;
+mod recorded;
 pub mod render;
 mod sequence;
 mod transition;
@@ -13,5 +14,6 @@ pub mod validate;
 
 pub use examples::Examples;
 pub use fit::{DescriptorKind, TrainConfig, fit_predictor};
+pub use recorded::train_on_recordings;
 pub use sequence::{fitted_motion, sequence_masks, train_on_sequence};
 pub use transition::train_transitions;

@@ -17,23 +17,34 @@ const HOLE_SHARE: f64 = 0.12;
 const SHADOW_SHARE: f64 = 0.15;
 const MISSING_SHARE: f64 = 0.05;
 
-/// `mask` as a segmenter might have found it. The waves of the outline, ellipses and their sizes are drawn from `rng`.
+/// The person in `mask` as a segmenter might have found it, cut out with some room around. The waves of the outline,
+/// ellipses and their sizes are drawn from `rng`.
 pub fn segmentation_noise<R: Rng + ?Sized>(mask: &Mask, rng: &mut R) -> Mask {
     let Some(person) = mask.bounding_box() else { return mask.clone() };
-    let height = f64::from(person.y1 - person.y0);
-    let (middle_x, bottom) = (f64::from(person.x0 + person.x1) / 2.0, f64::from(person.y1));
+    let person = mask.crop(person);
+    let height = f64::from(person.height());
+    let margin = (0.1 * height).ceil();
+    let (middle_x, bottom) = (margin + f64::from(person.width()) / 2.0, margin + height);
     let unit = height / FIGURE_PX;
     let mut uniform = |low: f64, high: f64| low + (high - low) * rng.random::<f64>();
-    // A sum of plane waves displaces where each pixel looks into the clean mask.
-    let waves: Vec<[f64; 5]> = (0..N_WAVES)
+    let [width, rows] = [person.width(), person.height()].map(|length| length + 2 * margin as u32);
+    let amplitude = OUTLINE_SD_PX * unit * 2.0 / (N_WAVES as f64).sqrt();
+    let waves: Vec<Wave> = (0..N_WAVES)
         .map(|_| {
-            let (direction, phase) = (uniform(0.0, TAU), uniform(0.0, TAU));
+            let direction = uniform(0.0, TAU);
             let frequency = TAU / (height * uniform(WAVELENGTHS[0], WAVELENGTHS[1]));
+            let phase = uniform(0.0, TAU);
             let push = uniform(0.0, TAU);
-            [frequency * direction.cos(), frequency * direction.sin(), phase, push.cos(), push.sin()]
+            let along = |length: u32, step: f64, phase: f64| -> Vec<[f64; 2]> {
+                (0..length).map(|i| (step * f64::from(i) + phase).sin_cos().into()).collect()
+            };
+            Wave {
+                columns: along(width, frequency * direction.cos(), phase),
+                rows: along(rows, frequency * direction.sin(), 0.0),
+                push: [amplitude * push.cos(), amplitude * push.sin()],
+            }
         })
         .collect();
-    let amplitude = OUTLINE_SD_PX * unit * (2.0 / N_WAVES as f64).sqrt() * std::f64::consts::SQRT_2;
     let mut blobs: Vec<(Ellipse, bool)> = Vec::new();
     if uniform(0.0, 1.0) < SHADOW_SHARE {
         for _ in 0..2 {
@@ -51,20 +62,36 @@ pub fn segmentation_noise<R: Rng + ?Sized>(mask: &Mask, rng: &mut R) -> Mask {
         let radius = uniform(0.03, 0.06) * height;
         blobs.push((Ellipse { center, radii: [radius; 2] }, false));
     }
-    Mask::from_fn(mask.width(), mask.height(), |x, y| {
+    Mask::from_fn(width, rows, |x, y| {
         let p = [f64::from(x) + 0.5, f64::from(y) + 0.5];
         if let Some((_, is_person)) = blobs.iter().rev().find(|(blob, _)| blob.contains(p)) {
             return *is_person;
         }
-        let (mut dx, mut dy) = (0.0, 0.0);
-        for [kx, ky, phase, push_x, push_y] in &waves {
-            let height = (kx * p[0] + ky * p[1] + phase).sin();
-            dx += push_x * height;
-            dy += push_y * height;
+        // Where this pixel looks into the clean mask.
+        let mut at = p.map(|v| v - margin);
+        for wave in &waves {
+            let height = wave.height(x, y);
+            at[0] += wave.push[0] * height;
+            at[1] += wave.push[1] * height;
         }
-        let at = [p[0] + amplitude * dx, p[1] + amplitude * dy].map(|v| v.floor() as i64);
-        mask.get_or_background(at[0], at[1])
+        person.get_or_background(at[0].floor() as i64, at[1].floor() as i64)
     })
+}
+
+/// A plane wave by columns and rows: sin(a + b) = sin a cos b + cos a sin b.
+struct Wave {
+    /// Sine and cosine of its phase.
+    columns: Vec<[f64; 2]>,
+    rows: Vec<[f64; 2]>,
+    /// Where it pushes a pixel, pixels.
+    push: [f64; 2],
+}
+
+impl Wave {
+    fn height(&self, x: u32, y: u32) -> f64 {
+        let ([sin_x, cos_x], [sin_y, cos_y]) = (self.columns[x as usize], self.rows[y as usize]);
+        sin_x * cos_y + cos_x * sin_y
+    }
 }
 
 struct Ellipse {
@@ -76,5 +103,39 @@ impl Ellipse {
     fn contains(&self, p: [f64; 2]) -> bool {
         let square = |axis: usize| ((p[axis] - self.center[axis]) / self.radii[axis]).powi(2);
         square(0) + square(1) <= 1.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use pf_core::rng::{Draw, Purpose, particle_rng};
+
+    use super::*;
+
+    #[test]
+    fn noise_moves_the_outline_by_a_pixel_and_now_and_then_more() {
+        let person = Mask::from_fn(200, 400, |x, y| (60..140).contains(&x) && (30..370).contains(&y));
+        let (mut n_far, mut mean) = (0, 0.0);
+        for frame in 0..60 {
+            let at = Draw { seed: 1, frame, layer: 0, purpose: Purpose::User };
+            let noisy = segmentation_noise(&person, &mut particle_rng(at, 0));
+            assert_eq!(noisy, segmentation_noise(&person, &mut particle_rng(at, 0)));
+            // Its margin is a tenth of the figure's height.
+            let placed = Mask::from_fn(200, 400, |x, y| {
+                noisy.get_or_background(i64::from(x) - 60 + 34, i64::from(y) - 30 + 34)
+            });
+            let iou = placed.iou(&person);
+            mean += iou / 60.0;
+            n_far += u32::from(iou < 0.93);
+        }
+        // A pixel all around changes 3 % of this figure's area.
+        assert!((0.94..0.99).contains(&mean), "mean IoU {mean}");
+        assert!((1..20).contains(&n_far), "{n_far} of 60 far off");
+    }
+
+    #[test]
+    fn an_empty_mask_stays_empty() {
+        let at = Draw { seed: 1, frame: 0, layer: 0, purpose: Purpose::User };
+        assert!(segmentation_noise(&Mask::new(20, 20), &mut particle_rng(at, 0)).is_empty());
     }
 }

@@ -1,5 +1,6 @@
 //! A few samples that a model keeps one by one, to tell what the others say about a kernel that is not in it yet.
 
+use super::SparseFunction;
 use crate::{Design, Inputs, Kernel};
 
 /// Samples kept of a fit, and most that are kept at all.
@@ -49,6 +50,22 @@ impl Memory {
             kept.iter().map(part).collect()
         });
         Self { parts: parts.collect(), inputs: design.inputs().select(&kept) }
+    }
+
+    /// Where no samples were kept: the centres, and what the functions say there.
+    pub(crate) fn of_centres(kernel: &Kernel, centres: &Inputs, functions: &[SparseFunction]) -> Self {
+        let mut memory = Self { inputs: centres.clone(), parts: vec![Vec::new(); functions.len()] };
+        for centre in 0..centres.len() {
+            let mut features = Vec::with_capacity(centres.len() + 1);
+            kernel.at_centres(centres, &centres.row_f64(centre), &mut features);
+            features.push(1.0);
+            for (function, parts) in functions.iter().zip(&mut memory.parts) {
+                let precision = function.total_weight / centres.len() as f64;
+                let weighted_target = precision * function.mean_at(&features);
+                parts.push(Remembered { precision, weighted_target });
+            }
+        }
+        memory
     }
 
     pub(crate) fn recall(&self, kernel: &Kernel, centres: &Inputs, x: &[f64]) -> Recollection {
