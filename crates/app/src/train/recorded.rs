@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::ensure;
 use body::build::prior::{CMU_NOTICE, RetargetedClip, retargeted_clips};
 use body::retarget::RetargetConfig;
-use body::{BodyModel, Camera, Intrinsics};
+use body::{BodyModel, Camera, Intrinsics, Pose};
 use glam::{DQuat, DVec3};
 use pf_core::rng::{Draw, Purpose, particle_rng, standard_normal_quantile};
 use rand::RngExt as _;
@@ -61,10 +61,13 @@ fn recorded_examples(clips: &[RetargetedClip], activity: Activity, seed: u64) ->
     actions.sort_unstable();
     actions.dedup();
     ensure!(!actions.is_empty(), "no training clip shows `{}`", activity.name());
-    let poses_of = |action: &str| {
-        clips.iter().filter(move |clip| clip.action == action).flat_map(|clip| &clip.motion.poses)
-    };
-    let poses: Vec<Vec<_>> = actions.iter().map(|action| poses_of(action).collect()).collect();
+    let poses: Vec<Vec<&Pose>> = actions
+        .iter()
+        .map(|action| {
+            let clips = clips.iter().filter(|clip| clip.action == *action);
+            clips.flat_map(|clip| &clip.motion.poses).collect()
+        })
+        .collect();
     let model = BodyModel::builtin();
     let mean_stature_m = model.mean().stature_m();
     let seen: Vec<Option<(Mask, ViewedPose)>> = (0..N_MASKS)
