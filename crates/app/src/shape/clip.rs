@@ -53,15 +53,15 @@ pub fn shape_from_masks(
     })?;
     let body = Arc::new(model.shape_for_stature(stature_m, None));
     let prior = Arc::new(FreeJoints::new(&PosePrior::builtin(), params.widening()));
-    let scene = Scene { body, camera: *camera, model: prior, predictor: None, fps, params };
+    let scene =
+        Scene { body, camera: *camera, model: prior, predictor: None, transitions: None, fps, params };
     let mut follower = Follower::new(scene);
     let mut poses = Vec::new();
     for (index, mask) in masks.iter().enumerate() {
         let ahead = &masks[index..(index + START_MASKS).min(masks.len())];
-        if let Some(record) = follower.step(index as u64, ahead)? {
-            if record.status == Status::Tracked {
-                poses.push((index, (*mask).clone(), record.pose));
-            }
+        let record = follower.step(index as u64, ahead)?;
+        if let Some(record) = record.filter(|record| record.status == Status::Tracked) {
+            poses.push((index, (*mask).clone(), record.pose));
         }
     }
     let frames = frames_of(&survey, poses);

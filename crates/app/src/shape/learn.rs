@@ -22,6 +22,9 @@ pub struct KnownFit<'a> {
     pub truth: &'a Truth,
 }
 
+/// What a line predicts, from what is true.
+type Target = Box<dyn Fn(&Truth) -> f64>;
+
 /// Weights of the prior on corrections that are tried: the precision of a coefficient, in walks.
 const RIDGES: [f64; 7] = [3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 1e5];
 /// Factors on the variance of the fit that are tried.
@@ -38,21 +41,15 @@ const QUANTILE_95: f64 = 1.644_853_626_951_472;
 /// With fewer than ten walks, or fewer bodies than coefficients.
 pub fn learn(bodies: &[KnownBody<'_>], walks: &[KnownFit<'_>], n_shape: usize) -> PredictorFile {
     assert!(walks.len() >= 10 && bodies.len() > n_shape, "{} walks, {} bodies", walks.len(), bodies.len());
-    let targets: Vec<(String, Box<dyn Fn(&Truth) -> f64>)> = Quantity::ALL
-        .iter()
-        .map(|&quantity| {
-            let of: Box<dyn Fn(&Truth) -> f64> = Box::new(move |truth| quantity.of(truth));
-            (quantity.name().to_owned(), of)
-        })
-        .chain([(
-            "sex".to_owned(),
-            Box::new(|truth: &Truth| sex_score(truth.sex)) as Box<dyn Fn(&Truth) -> f64>,
-        )])
-        .collect();
+    let quantities = Quantity::ALL.map(|quantity| {
+        let of: Target = Box::new(move |truth| quantity.of(truth));
+        (quantity.name().to_owned(), of)
+    });
+    let sex: Target = Box::new(|truth| sex_score(truth.sex));
     let body_design = design(bodies.iter().map(|body| &body.shape[..]), n_shape);
     let walk_design = design(walks.iter().map(|walk| &walk.fit.shape[..]), n_shape);
     let (mut lines, mut errors) = (Vec::new(), Vec::new());
-    for (name, of) in targets {
+    for (name, of) in quantities.into_iter().chain([("sex".to_owned(), sex)]) {
         let known = DVector::from_iterator(bodies.len(), bodies.iter().map(|body| of(body.truth)));
         let truths = DVector::from_iterator(walks.len(), walks.iter().map(|walk| of(walk.truth)));
         let plain = ridge(&body_design, &known, 1.0).0;

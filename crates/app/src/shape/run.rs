@@ -105,7 +105,7 @@ pub fn shape_of_run(folder: &Path, job: &ShapeJob) -> anyhow::Result<Biosignatur
     let run = FinishedRun::read(folder)?;
     let (frames, camera) = read_frames(&run)?;
     let model = BodyModel::builtin();
-    let stature_m = job.known.stature_m.unwrap_or_else(|| frames.stature_m);
+    let stature_m = job.known.stature_m.unwrap_or(frames.stature_m);
     let fitted = fit_shape(&model, &camera, &frames.all, run.fps, stature_m, &job.config);
     let predictor = Predictor::builtin();
     let found = match &fitted {
