@@ -15,8 +15,8 @@ use silhouette::Mask;
 use super::eval::data_folder;
 use crate::eval::shape::train::train;
 use crate::progress::{Progress, note};
-use crate::track::{Background, ClipInput, ClipReader};
 use crate::survey::TrainingData;
+use crate::track::{Background, ClipInput, ClipReader};
 
 /// Frames of the stage sequence that is bundled.
 const STAGE_FRAMES: u64 = 40;

@@ -6,8 +6,8 @@ pub mod joint_error;
 pub mod real;
 pub mod reference;
 pub mod register;
-pub mod shape_space;
 pub mod shape;
+pub mod shape_space;
 pub mod stage;
 pub mod stage_masks;
 
