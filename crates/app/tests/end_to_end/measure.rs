@@ -23,11 +23,11 @@ impl Woman {
         let body = model.shape_for_stature(1.68, Some(Sex::Female));
         let mut landmarks = String::from("name,x_m,y_m,z_m\n");
         for landmark in &model.template().landmarks {
-            let place = body.landmark(&landmark.name).unwrap();
+            let place = body.landmark(&landmark.name).expect("a landmark of the template");
             landmarks += &format!("\"{}\",{},{},{}\n", landmark.name, place.x, place.y, place.z);
         }
         Self {
-            folder: TempDir::new().unwrap(),
+            folder: TempDir::new().expect("a folder for a test"),
             vertices: body.rest_vertices().to_vec(),
             triangles: body.triangles().to_vec(),
             landmarks,
@@ -41,12 +41,12 @@ impl Woman {
     /// Writes her mesh, each vertex changed.
     fn write(&self, name: &str, change: impl Fn([f32; 3]) -> [f32; 3]) -> PathBuf {
         let vertices: Vec<[f32; 3]> = self.vertices.iter().map(|vertex| change(*vertex)).collect();
-        write_obj(&self.path(name), &vertices, &self.triangles).unwrap();
+        write_obj(&self.path(name), &vertices, &self.triangles).expect("it can be written");
         self.path(name)
     }
 
     fn write_landmarks(&self, name: &str) -> PathBuf {
-        fs::write(self.path(name), &self.landmarks).unwrap();
+        fs::write(self.path(name), &self.landmarks).expect("it can be written");
         self.path(name)
     }
 }
