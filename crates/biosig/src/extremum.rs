@@ -1,21 +1,34 @@
 //! The largest value of a function of one variable.
 
-/// A scan of this many equal steps finds the interval in which [`maximum`] searches.
+/// Equal steps of a scan.
 const SCAN_STEPS: usize = 6;
 const MAX_STEPS: usize = 40;
 /// 2 - the golden ratio.
 const GOLDEN_SHARE: f64 = 0.381_966_011_250_105_1;
 
-/// Where `f` is largest between `low` and `high`, up to `tolerance`, and its value there: a coarse scan, then Brent's
-/// method around the best place (`[Brent1973]` chapter 5). One maximum near the best place of the scan is assumed.
-pub(crate) fn maximum(mut f: impl FnMut(f64) -> f64, [low, high]: [f64; 2], tolerance: f64) -> (f64, f64) {
+/// An interval around the largest value of a coarse scan.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bracket {
+    /// Its ends.
+    pub ends: [f64; 2],
+    best: (f64, f64),
+}
+
+/// Scans `f` between `low` and `high`.
+pub(crate) fn bracket(mut f: impl FnMut(f64) -> f64, [low, high]: [f64; 2]) -> Bracket {
     let at = |step: usize| low + (high - low) * step as f64 / SCAN_STEPS as f64;
     let values: Vec<f64> = (0..=SCAN_STEPS).map(|step| f(at(step))).collect();
     let best = (0..=SCAN_STEPS).max_by(|&a, &b| values[a].total_cmp(&values[b])).expect("the scan has steps");
-    let bracket = [at(best.saturating_sub(1)), at((best + 1).min(SCAN_STEPS))];
-    let (place, value) = brent(|x| -f(x), bracket, tolerance);
+    let ends = [at(best.saturating_sub(1)), at((best + 1).min(SCAN_STEPS))];
+    Bracket { ends, best: (at(best), values[best]) }
+}
+
+/// Where `f` is largest in the bracket, up to `tolerance`, and its value there: Brent's method (`[Brent1973]` chapter 5). One
+/// maximum near the best place of the scan is assumed.
+pub(crate) fn maximum(mut f: impl FnMut(f64) -> f64, bracket: Bracket, tolerance: f64) -> (f64, f64) {
+    let (place, value) = brent(|x| -f(x), bracket.ends, tolerance);
     // Brent's method never looks at the ends of its interval.
-    if -value > values[best] { (place, -value) } else { (at(best), values[best]) }
+    if -value > bracket.best.1 { (place, -value) } else { bracket.best }
 }
 
 /// The least value of `f` in an interval: parabolas through the three best points, golden sections where those fail.
@@ -79,36 +92,34 @@ fn brent(mut f: impl FnMut(f64) -> f64, [mut a, mut b]: [f64; 2], tolerance: f64
 mod tests {
     use super::*;
 
+    fn search(f: impl Fn(f64) -> f64, range: [f64; 2], tolerance: f64) -> (f64, f64) {
+        maximum(&f, bracket(&f, range), tolerance)
+    }
+
     #[test]
     fn smooth_maxima_are_found_in_few_looks() {
-        let mut looks = 0;
-        let (place, value) = maximum(
-            |x| {
-                looks += 1;
-                (x - 0.3).cos()
-            },
-            [-2.0, 2.0],
-            1e-6,
-        );
+        let looks = std::cell::Cell::new(0);
+        let hill = |x: f64| {
+            looks.set(looks.get() + 1);
+            (x - 0.3).cos()
+        };
+        let (place, value) = search(hill, [-2.0, 2.0], 1e-6);
         assert!((place - 0.3).abs() < 1e-4 && (value - 1.0).abs() < 1e-9, "{place} {value}");
-        assert!(looks < 30, "{looks}");
+        assert!(looks.get() < 30, "{}", looks.get());
     }
 
     #[test]
     fn kinks_and_ends_are_found() {
-        let (place, _) = maximum(|x| -(x - 0.123_f64).abs(), [-1.0, 1.0], 1e-4);
+        let (place, _) = search(|x| -(x - 0.123_f64).abs(), [-1.0, 1.0], 1e-4);
         assert!((place - 0.123).abs() < 3e-4, "{place}");
-        assert_eq!(maximum(|x| x, [0.0, 2.0], 1e-3), (2.0, 2.0));
-        assert_eq!(maximum(|x| -x, [0.0, 2.0], 1e-3), (0.0, 0.0));
+        assert_eq!(search(|x| x, [0.0, 2.0], 1e-3), (2.0, 2.0));
+        assert_eq!(search(|x| -x, [0.0, 2.0], 1e-3), (0.0, 0.0));
     }
 
     #[test]
     fn the_higher_of_two_hills_is_taken() {
-        let (place, _) = maximum(
-            |x: f64| (-(x + 1.0).powi(2)).exp() + 1.5 * (-(x - 2.0).powi(2)).exp(),
-            [-3.0, 4.0],
-            1e-6,
-        );
+        let hills = |x: f64| (-(x + 1.0).powi(2)).exp() + 1.5 * (-(x - 2.0).powi(2)).exp();
+        let (place, _) = search(hills, [-3.0, 4.0], 1e-6);
         assert!((place - 2.0).abs() < 1e-2, "{place}");
     }
 }

@@ -22,8 +22,6 @@ pub enum Girth {
     /// Upper-arm girth (5.3.16): square to the right upper arm, relaxed. Deviation: 55 % of the way from the joint of the shoulder
     /// to that of the elbow instead of halfway between shoulder point and elbow point on the skin.
     RightUpperArm,
-    /// The largest horizontal girth from 1 cm below the bust points to 1 cm below the armpits; arms left out.
-    LargestChest,
     /// The smallest horizontal girth between 2 cm below the navel and 6 cm below the bust points.
     SmallestWaist,
     /// The largest horizontal girth from 2 cm above the crotch to three quarters of the way to the navel.
@@ -32,7 +30,7 @@ pub enum Girth {
 
 impl Girth {
     /// Every girth, in the order of [`Measurements::girths`](crate::Measurements::girths).
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 9] = [
         Self::Chest,
         Self::Waist,
         Self::Hips,
@@ -40,7 +38,6 @@ impl Girth {
         Self::RightCalf,
         Self::Neck,
         Self::RightUpperArm,
-        Self::LargestChest,
         Self::SmallestWaist,
         Self::LargestHips,
     ];
@@ -55,7 +52,6 @@ impl Girth {
             Self::RightCalf => "right_calf",
             Self::Neck => "neck",
             Self::RightUpperArm => "right_upper_arm",
-            Self::LargestChest => "chest_largest",
             Self::SmallestWaist => "waist_smallest",
             Self::LargestHips => "hips_largest",
         }
@@ -74,9 +70,6 @@ impl Girth {
             Self::Neck => "ISO 8559-1 5.3.2 neck girth: below the Adam's apple, square to the neck",
             Self::RightUpperArm => {
                 "ISO 8559-1 5.3.16 upper-arm girth, relaxed: square to the arm, 55 % of the way from shoulder to elbow joint"
-            }
-            Self::LargestChest => {
-                "the largest horizontal girth from 1 cm below the bust points to 1 cm below the armpits"
             }
             Self::SmallestWaist => {
                 "the smallest horizontal girth from 2 cm below the navel to 6 cm below the bust points"

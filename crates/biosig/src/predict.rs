@@ -71,9 +71,20 @@ pub struct Predictor {
     scaling: Scaling,
     /// Each of unit spread over the samples, `[3]` of `[n_features]`.
     directions: [Vec<f64>; 3],
-    stature: Rvm,
-    log_weight: Rvm,
+    stature: Regression,
+    log_weight: Regression,
     gender: RvmClassifier,
+}
+
+/// A line along one score, and a machine for what the line leaves over: far from all samples, where every kernel is zero, the
+/// line is what remains.
+#[derive(Clone, Debug, PartialEq)]
+struct Regression {
+    /// Which score.
+    score: usize,
+    mean: f64,
+    slope: f64,
+    rest: Rvm,
 }
 
 /// Brings every feature to mean 0 and standard deviation 1.
@@ -147,8 +158,8 @@ impl Predictor {
         let inputs = Inputs::from_rows(directions.len(), scores).expect("scaled features are finite");
         let fit = |target| move |source| TrainError::Fit { target, source };
         Ok(Self {
-            stature: fit_regression(&inputs, &stature).map_err(fit("stature"))?,
-            log_weight: fit_regression(&inputs, &log_weight).map_err(fit("weight"))?,
+            stature: Regression::fit(&inputs, 0, &stature).map_err(fit("stature"))?,
+            log_weight: Regression::fit(&inputs, 1, &log_weight).map_err(fit("weight"))?,
             gender: fit_classification(&inputs, &female).map_err(fit("gender"))?,
             directions,
             scaling,
@@ -168,9 +179,9 @@ impl Predictor {
         let x = scores(&self.directions, &self.scaling.apply(features));
         let mut log_gates = [0.0; 2];
         self.gender.log_gates(&x, &mut log_gates);
-        let log_weight = normal(&self.log_weight, &x);
+        let log_weight = self.log_weight.predict(&x);
         Profile {
-            stature_m: normal(&self.stature, &x),
+            stature_m: self.stature.predict(&x),
             weight_kg: Estimate {
                 value: log_weight.value.exp(),
                 sd: log_weight.sd * log_weight.value.exp(),
@@ -182,7 +193,7 @@ impl Predictor {
 
     /// Bases of the three machines: stature, weight, gender.
     pub fn n_bases(&self) -> [usize; 3] {
-        [self.stature.n_bases(), self.log_weight.n_bases(), self.gender.n_bases()]
+        [self.stature.rest.n_bases(), self.log_weight.rest.n_bases(), self.gender.n_bases()]
     }
 }
 
@@ -200,7 +211,9 @@ impl Scaling {
             sds.iter_mut().zip(away).for_each(|(sd, square)| *sd += square);
         }
         sds.iter_mut().for_each(|sd| *sd = sd.sqrt());
-        match sds.iter().position(|sd| *sd <= 0.0) {
+        // Rounding leaves equal features a trace of spread.
+        let is_flat = |(sd, mean): (&f64, &f64)| *sd <= 1e-9 * (1.0 + mean.abs());
+        match sds.iter().zip(&means).position(is_flat) {
             Some(feature) => Err(TrainError::NoSpread { feature }),
             None => Ok(Self { means, sds }),
         }
@@ -232,11 +245,25 @@ fn scores(directions: &[Vec<f64>; 3], row: &[f64]) -> [f64; 3] {
     [along(&directions[0]), along(&directions[1]), along(&directions[2])]
 }
 
-fn normal(machine: &Rvm, x: &[f64]) -> Estimate {
-    let mut prediction = Gaussian::default();
-    machine.predict(x, &mut prediction);
-    let (value, sd) = (prediction.mean[0], prediction.variance[0].sqrt());
-    Estimate { value, sd, interval90: [value - HALF_WIDTH_90 * sd, value + HALF_WIDTH_90 * sd] }
+impl Regression {
+    fn fit(inputs: &Inputs, score: usize, target: &[f64]) -> Result<Self, FitError> {
+        let n = target.len() as f64;
+        let along: Vec<f64> = (0..inputs.len()).map(|row| f64::from(inputs.row(row)[score])).collect();
+        let mean = target.iter().sum::<f64>() / n;
+        // The scores have mean zero.
+        let slope = along.iter().zip(target).map(|(x, y)| x * (y - mean)).sum::<f64>()
+            / along.iter().map(|x| x * x).sum::<f64>();
+        let rest: Vec<f64> = along.iter().zip(target).map(|(x, y)| y - mean - slope * x).collect();
+        Ok(Self { score, mean, slope, rest: fit_regression(inputs, &rest)? })
+    }
+
+    fn predict(&self, x: &[f64]) -> Estimate {
+        let mut rest = Gaussian::default();
+        self.rest.predict(x, &mut rest);
+        let value = self.mean + self.slope * x[self.score] + rest.mean[0];
+        let sd = rest.variance[0].sqrt();
+        Estimate { value, sd, interval90: [value - HALF_WIDTH_90 * sd, value + HALF_WIDTH_90 * sd] }
+    }
 }
 
 /// A design on `rows` of the inputs, with bases centred on some of them.
@@ -255,7 +282,6 @@ fn pick(values: &[f64], rows: &[usize]) -> Vec<f64> {
 }
 
 fn fit_regression(inputs: &Inputs, target: &[f64]) -> Result<Rvm, FitError> {
-    // Targets of mean 0 and variance 1 keep the machine's absolute thresholds meaningful; the bias takes the mean.
     let fit = |kernel: &Kernel, rows: &[usize]| {
         let design = design(kernel, inputs, rows);
         Rvm::fit(&design, &[pick(target, rows)], &vec![1.0; rows.len()], &RvmParams::default())

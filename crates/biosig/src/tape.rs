@@ -4,7 +4,7 @@ use body::model::{Landmark, Template};
 use body::{Body, JointId, RestJoints};
 use glam::DVec3;
 
-use crate::extremum::maximum;
+use crate::extremum::{bracket, maximum};
 use crate::girth::Girth;
 use crate::hull::{convex_hull, perimeter};
 use crate::section::{Piece, Plane, heights_along};
@@ -19,8 +19,6 @@ const BELOW_CROTCH_M: f64 = 0.02;
 /// Ends of the range of [`Girth::SmallestWaist`].
 const BELOW_NAVEL_M: f64 = 0.02;
 const BELOW_BUST_M: f64 = 0.06;
-/// The largest chest lies between this much below the bust points and as much below the armpits.
-const AROUND_BUST_M: f64 = 0.01;
 /// The largest hips lie below this share of the way from the crotch to the navel.
 const HIPS_SHARE: f64 = 0.75;
 /// The largest calf lies between these shares of the way from knee to ankle.
@@ -162,7 +160,6 @@ pub struct Tape {
 #[derive(Clone, Debug)]
 struct Points {
     bust: [Landmark; 2],
-    armpits: [Landmark; 4],
     navel: Landmark,
     crotch: Landmark,
     adams_apple: Landmark,
@@ -176,12 +173,6 @@ impl Points {
         };
         Ok(Self {
             bust: [find("Rt Thelion/Bustpoint")?, find("Lt Thelion/Bustpoint")?],
-            armpits: [
-                find("Rt Axilla, Ant.")?,
-                find("Rt Axilla, Post.")?,
-                find("Lt Axilla, Ant.")?,
-                find("Lt Axilla, Post.")?,
-            ],
             navel: find("Navel")?,
             crotch: find("Crotch")?,
             adams_apple: find("Below Adam's Apple")?,
@@ -294,12 +285,9 @@ impl Tape {
 
     fn piece_of(&self, girth: Girth) -> &Piece {
         match girth {
-            Girth::Chest
-            | Girth::Waist
-            | Girth::Hips
-            | Girth::LargestChest
-            | Girth::SmallestWaist
-            | Girth::LargestHips => &self.trunk,
+            Girth::Chest | Girth::Waist | Girth::Hips | Girth::SmallestWaist | Girth::LargestHips => {
+                &self.trunk
+            }
             Girth::RightThigh => &self.thigh,
             Girth::RightCalf => &self.calf,
             Girth::Neck => &self.neck,
@@ -352,10 +340,6 @@ impl Measuring<'_> {
                 let (shoulder, elbow) = (joint(JointId::RIGHT_SHOULDER), joint(JointId::RIGHT_ELBOW));
                 Plane { point: shoulder.lerp(elbow, ARM_SHARE), normal: (elbow - shoulder).normalize() }
             }
-            Girth::LargestChest => {
-                let armpits = points.armpits.iter().map(height).fold(f64::INFINITY, f64::min);
-                self.extremal(&tape.trunk, [bust - AROUND_BUST_M, armpits - AROUND_BUST_M], 1.0)
-            }
             Girth::SmallestWaist => {
                 self.extremal(&tape.trunk, [navel - BELOW_NAVEL_M, bust - BELOW_BUST_M], -1.0)
             }
@@ -368,9 +352,12 @@ impl Measuring<'_> {
 
     /// The horizontal plane in which the girth, times `sign`, is largest.
     fn extremal(&mut self, piece: &Piece, range_m: [f64; 2], sign: f64) -> Plane {
-        let piece = piece.between(&self.heights, range_m);
-        let girth_at = |height_m| sign * self.around(&piece, &Plane::horizontal(height_m));
-        Plane::horizontal(maximum(girth_at, range_m, HEIGHT_TOLERANCE_M).0)
+        let reaching = piece.between(&self.heights, range_m);
+        let bracket =
+            bracket(|height_m| sign * self.around(&reaching, &Plane::horizontal(height_m)), range_m);
+        let nearer = reaching.between(&self.heights, bracket.ends);
+        let girth_at = |height_m| sign * self.around(&nearer, &Plane::horizontal(height_m));
+        Plane::horizontal(maximum(girth_at, bracket, HEIGHT_TOLERANCE_M).0)
     }
 
     /// Perimeter of the hull of a section, metres; 0 when the plane does not meet the piece.

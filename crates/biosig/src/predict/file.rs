@@ -1,11 +1,11 @@
 //! The predictors' file: postcard in a container, without the people they were trained on.
 
-use bme::file::{MemoryFile, RvmClassifierFile, RvmFile};
+use bme::file::{MemoryFile, ModelFileError, RvmClassifierFile, RvmFile};
 use bme::{Expert as _, Gate as _, Rvm, RvmClassifier};
 use body::container;
 use serde::{Deserialize, Serialize};
 
-use super::{LoadPredictorsError, N_SHAPE_FEATURES, Predictor, Predictors, Scaling};
+use super::{LoadPredictorsError, N_SHAPE_FEATURES, Predictor, Predictors, Regression, Scaling};
 
 const MAGIC: &str = "UMBRABIO";
 /// Version of the file that this build reads and writes.
@@ -24,9 +24,28 @@ struct PredictorFile {
     means: Vec<f64>,
     sds: Vec<f64>,
     directions: [Vec<f64>; 3],
-    stature: RvmFile,
-    log_weight: RvmFile,
+    stature: RegressionFile,
+    log_weight: RegressionFile,
     gender: RvmClassifierFile,
+}
+
+#[derive(Serialize, Deserialize)]
+struct RegressionFile {
+    mean: f64,
+    slope: f64,
+    rest: RvmFile,
+}
+
+impl RegressionFile {
+    fn of(regression: &Regression) -> Self {
+        let mut rest = RvmFile::from(&regression.rest);
+        forget(&mut rest.memory);
+        Self { mean: regression.mean, slope: regression.slope, rest }
+    }
+
+    fn read(self, score: usize) -> Result<Regression, ModelFileError> {
+        Ok(Regression { score, mean: self.mean, slope: self.slope, rest: Rvm::try_from(self.rest)? })
+    }
 }
 
 /// A memory of nobody: measurements of single people stay out of the file, the machines cannot learn on.
@@ -42,12 +61,10 @@ impl PredictorFile {
             means: predictor.scaling.means.clone(),
             sds: predictor.scaling.sds.clone(),
             directions: predictor.directions.clone(),
-            stature: RvmFile::from(&predictor.stature),
-            log_weight: RvmFile::from(&predictor.log_weight),
+            stature: RegressionFile::of(&predictor.stature),
+            log_weight: RegressionFile::of(&predictor.log_weight),
             gender: RvmClassifierFile::from(&predictor.gender),
         };
-        forget(&mut file.stature.memory);
-        forget(&mut file.log_weight.memory);
         forget(&mut file.gender.memory);
         file
     }
@@ -55,8 +72,8 @@ impl PredictorFile {
     fn read(self, predictor: &'static str, expected: usize) -> Result<Predictor, LoadPredictorsError> {
         let machine = |machine| move |source| LoadPredictorsError::Machine { machine, source };
         let read = Predictor {
-            stature: Rvm::try_from(self.stature).map_err(machine("stature"))?,
-            log_weight: Rvm::try_from(self.log_weight).map_err(machine("log_weight"))?,
+            stature: self.stature.read(0).map_err(machine("stature"))?,
+            log_weight: self.log_weight.read(1).map_err(machine("log_weight"))?,
             gender: RvmClassifier::try_from(self.gender).map_err(machine("gender"))?,
             scaling: Scaling { means: self.means, sds: self.sds },
             directions: self.directions,
@@ -66,8 +83,10 @@ impl PredictorFile {
         if let Some(found) = features.into_iter().chain(of_directions).find(|&found| found != expected) {
             return Err(LoadPredictorsError::Features { predictor, found, expected });
         }
-        let scores = [read.stature.input_dim(), read.log_weight.input_dim(), read.gender.input_dim()];
-        match scores.into_iter().find(|&found| found != read.directions.len()) {
+        let machines = [read.stature.rest.input_dim(), read.log_weight.rest.input_dim()];
+        let scores = machines.into_iter().chain([read.gender.input_dim()]);
+        let mut scores = scores;
+        match scores.find(|&found| found != read.directions.len()) {
             Some(found) => Err(LoadPredictorsError::Scores { predictor, found }),
             None => Ok(read),
         }
