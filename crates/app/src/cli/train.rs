@@ -14,8 +14,10 @@ use crate::stage::Sequence;
 use crate::train::validate::cross_validate;
 use crate::train::{DescriptorKind, TrainConfig, train_on_recordings, train_on_sequence};
 
-/// Bases of an expert of the shipped models, which have to be small.
+/// The shipped models have to be small: fewer bases an expert, pose coordinates and sectors.
 const SHIPPED_BASES: usize = 32;
+const SHIPPED_POSE_DIM: usize = 8;
+const SHIPPED_SECTORS: usize = 6;
 
 /// Arguments of `umbra train`.
 #[derive(Debug, Args)]
@@ -116,6 +118,8 @@ pub fn run(args: &TrainArgs) -> anyhow::Result<()> {
 fn train_shipped(recordings: &Path, args: &TrainArgs) -> anyhow::Result<()> {
     let mut config = args.config();
     config.experts.mixture.expert.max_bases = SHIPPED_BASES;
+    config.pose_dim = SHIPPED_POSE_DIM;
+    config.experts.n_views = SHIPPED_SECTORS;
     let mut progress = Progress::start("training", 0, Some(Activity::ALL.len() as u64));
     for activity in Activity::ALL {
         let path = args.out.join(format!("predict-{}.bin", activity.name()));

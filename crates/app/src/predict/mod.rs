@@ -18,7 +18,10 @@ pub use descriptor::{MaskDescriptor, person_in};
 pub use dynamics::{DynamicsError, LatentDynamics};
 pub use file::LoadPredictorError;
 pub use pose_space::PoseSpace;
-pub use predictor::{PoseDensity, PoseMode, PosePredictor, Training};
+pub use predictor::{NotTrainedFor, PoseDensity, PoseMode, PosePredictor, Training};
 pub use shipped::Activity;
 pub use transition::TransitionPredictor;
 pub use viewed::{ViewedPose, wrapped};
+
+#[cfg(test)]
+mod tests;

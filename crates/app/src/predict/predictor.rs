@@ -21,6 +21,54 @@ pub struct Training {
     pub n_masks: u64,
 }
 
+/// A camera may stand this much lower or higher than those of the training, metres.
+const HEIGHT_TOLERANCE_M: f64 = 0.4;
+
+/// Why a predictor should not be asked.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum NotTrainedFor {
+    /// A camera from above or below shows other silhouettes.
+    #[error(
+        "the model is trained for cameras {least_m:.1} to {most_m:.1} m above the floor, this one is at {found_m:.1} m"
+    )]
+    CameraHeight {
+        /// Height of the camera, metres.
+        found_m: f64,
+        /// Least height in the training, metres.
+        least_m: f64,
+        /// Largest height in the training, metres.
+        most_m: f64,
+    },
+    /// Another activity.
+    #[error("the model is trained for `{trained}`, not for `{found}`")]
+    Activity {
+        /// What is asked for.
+        found: String,
+        /// What it was trained for.
+        trained: String,
+    },
+}
+
+impl Training {
+    /// Whether the predictor knows what a camera at this height above the floor shows of this activity; a predictor of
+    /// `any` knows all activities.
+    ///
+    /// # Errors
+    /// [`NotTrainedFor`] says what is different.
+    pub fn check(&self, camera_height_m: f64, activity: &str) -> Result<(), NotTrainedFor> {
+        let [least_m, most_m] = self.camera_height_m;
+        if !(least_m - HEIGHT_TOLERANCE_M..=most_m + HEIGHT_TOLERANCE_M).contains(&camera_height_m) {
+            return Err(NotTrainedFor::CameraHeight { found_m: camera_height_m, least_m, most_m });
+        }
+        if self.activity != "any" && self.activity != activity {
+            let (found, trained) = (activity.to_owned(), self.activity.clone());
+            return Err(NotTrainedFor::Activity { found, trained });
+        }
+        Ok(())
+    }
+}
+
 /// Predicts heading and pose from a mask.
 #[derive(Clone, Debug)]
 pub struct PosePredictor {
