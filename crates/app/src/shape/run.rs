@@ -26,8 +26,8 @@ const VERSION: u32 = 1;
 const LEAST_TURN_RAD: f64 = 0.8;
 /// What that does to the intervals: the fit does not know how wrong it may be about the side it did not see.
 const ONE_SIDE_WIDENING: f64 = 1.5;
-/// Outlines that lie so far apart, pixels at working height, are no fit.
-const POOR_MISFIT_PX: f64 = 1.8;
+/// Outlines that lie so far apart, pixels at working height, are a poor fit: synthetic walks lie at 1.0 to 1.3.
+const POOR_MISFIT_PX: f64 = 1.5;
 const POOR_FIT_WIDENING: f64 = 1.5;
 /// Fewer frames than this widen the intervals.
 const FEW_FRAMES: usize = 8;
