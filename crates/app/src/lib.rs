@@ -5,7 +5,7 @@
 //! [`track`] the tracker and the road of a clip · [`draw`] pictures of a tracked body · [`run_folder`] everything that a run
 //! writes · [`progress`] what a person who waits sees · [`stage`] sequences with true joints · [`synth`] walks of people whose
 //! bodies are known · [`survey`] people whose stature, weight and sex are known · [`eval`] accuracy against reference data ·
-//! [`predict`] poses straight from a mask · [`train`] how that is learned
+//! [`predict`] poses straight from a mask · [`train`] how that is learned · [`shape`] one body for a tracked person
 
 pub mod cli;
 pub mod config;

@@ -1,7 +1,7 @@
 //! One body per person: the shape of a tracked person, from many frames together, with its uncertainty.
 //!
 //! # Map
-//! [`survey`] what the masks tell at first sight · [`figure`] a body that is linear in its shape · [`rim`] where its silhouette ends ·
+//! [`mod@survey`] what the masks tell at first sight · [`figure`] a body that is linear in its shape · [`rim`] where its silhouette ends ·
 //! [`adjust`] shape and poses fitted together · [`fit`] one body for tracked frames · [`clip`] the road from masks to a body ·
 //! [`predict`] girths, stature, weight, gender · [`learn`] where the predictor comes from · [`run`] the body of a run folder, with its
 //! [`picture`] and mesh ([`mod@glb`])
