@@ -60,8 +60,14 @@ impl LatentDynamics {
         let kernel = kernels_by_spread(&inputs, &[WIDTH_FACTOR]).swap_remove(0);
         let every = inputs.len().div_ceil(MAX_CENTRES);
         let centres = inputs.select(&(0..inputs.len()).step_by(every).collect::<Vec<_>>());
-        let config =
-            RvmConfig { min_gain: 0.1, min_gain_of_addition: 1.0, max_bases: 60, ..RvmConfig::default() };
+        // Steps follow from poses closely: what looks like noise at first is mostly the next harmonic.
+        let config = RvmConfig {
+            min_gain: 0.1,
+            min_gain_of_addition: 1.0,
+            initial_noise: 1e-4,
+            max_bases: 60,
+            ..RvmConfig::default()
+        };
         let params = RvmParams::new(config).expect("the settings above are positive");
         let weights = vec![1.0; inputs.len()];
         let design = Design::with_centres(kernel, inputs, centres);

@@ -115,7 +115,7 @@ mod tests {
     #[test]
     fn noise_moves_the_outline_by_a_pixel_and_now_and_then_more() {
         let person = Mask::from_fn(200, 400, |x, y| (60..140).contains(&x) && (30..370).contains(&y));
-        let (mut n_far, mut mean) = (0, 0.0);
+        let (mut worst, mut mean) = (1.0_f64, 0.0);
         for frame in 0..60 {
             let at = Draw { seed: 1, frame, layer: 0, purpose: Purpose::User };
             let noisy = segmentation_noise(&person, &mut particle_rng(at, 0));
@@ -126,11 +126,12 @@ mod tests {
             });
             let iou = placed.iou(&person);
             mean += iou / 60.0;
-            n_far += u32::from(iou < 0.93);
+            worst = worst.min(iou);
         }
         // A pixel all around changes 3 % of this figure's area.
         assert!((0.94..0.99).contains(&mean), "mean IoU {mean}");
-        assert!((1..20).contains(&n_far), "{n_far} of 60 far off");
+        // A lost limb or a shadow changes some percent more.
+        assert!(worst < mean - 0.01, "worst {worst}, mean {mean}");
     }
 
     #[test]
