@@ -79,7 +79,7 @@ impl LatentDynamics {
         self.step.output_dim()
     }
 
-    /// Mean and variance of each coordinate one frame later, [dim].
+    /// Mean and variance of each coordinate one frame later, `[dim]`.
     ///
     /// # Panics
     /// When there are not [`Self::dim`] coordinates.

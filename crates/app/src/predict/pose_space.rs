@@ -73,7 +73,7 @@ impl PoseSpace {
         self.basis.len()
     }
 
-    /// The coordinates of a pose, [dim], standard deviations.
+    /// The coordinates of a pose, `[dim]`, standard deviations.
     pub fn encode(&self, pose: &ViewedPose) -> Vec<f64> {
         let row = pose.to_row();
         let along = |inverse: &Vec<f64>| {
@@ -94,7 +94,7 @@ impl PoseSpace {
         self.decode(bme::heading_of(point), &point[..self.dim()])
     }
 
-    /// The pose at `coordinates`, [dim], inside the joint limits, facing `heading_rad`.
+    /// The pose at `coordinates`, `[dim]`, inside the joint limits, facing `heading_rad`.
     ///
     /// # Panics
     /// When there are not [`Self::dim`] coordinates.

@@ -88,7 +88,7 @@ pub struct BottomUp {
 }
 
 impl BottomUp {
-    /// The proposal with the steps of the motion, standard deviations [dim].
+    /// The proposal with the steps of the motion, standard deviations `[dim]`.
     pub fn new(step_sd: &[f64], noise: Gaussian) -> Self {
         let place_sd = std::array::from_fn(|i| step_sd[i]);
         Self { noise, place_sd }

@@ -21,7 +21,7 @@ use super::state::{BodySpace, BodyState, RIGID_DIM, blank_pose};
 
 /// The moves of one layer; shares are of the particles, and of what is left of them after the line before.
 pub struct BodyMoves {
-    /// Standard deviation of each coordinate's step, [dim], before the factor of the layer.
+    /// Standard deviation of each coordinate's step, `[dim]`, before the factor of the layer.
     pub step_sd: Vec<f64>,
     /// Body whose limbs are mirrored.
     pub body: Arc<Body>,

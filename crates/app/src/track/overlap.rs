@@ -55,7 +55,7 @@ impl BodyOverlap {
         self.scorer.set_target(&view, &scorer_intrinsics(self.camera.intrinsics()))
     }
 
-    /// The counts of each pose, [n_poses].
+    /// The counts of each pose, `[n_poses]`.
     ///
     /// # Errors
     /// When no mask was set, or a pose is not finite.

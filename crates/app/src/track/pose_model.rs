@@ -16,7 +16,7 @@ use super::state::RIGID_DIM;
 pub trait PoseModel: Send + Sync {
     /// Number of coordinates, at most [`N_DOF`].
     fn dim(&self) -> usize;
-    /// The joint angles, [n_dof], radians, of coordinates [dim].
+    /// The joint angles, `[n_dof]`, radians, of coordinates `[dim]`.
     fn angles_from_latent(&self, latent: &[f64], angles: &mut [f64]);
     /// The coordinates whose joint angles come nearest to `angles`.
     fn latent_from_angles(&self, angles: &[f64], latent: &mut [f64]);
@@ -24,13 +24,13 @@ pub trait PoseModel: Send + Sync {
     fn clamp(&self, latent: &mut [f64]);
     /// ln p(pose) up to a constant.
     fn log_prior(&self, latent: &[f64]) -> f64;
-    /// Standard deviation of each coordinate's change within a sixtieth of a second, [dim].
+    /// Standard deviation of each coordinate's change within a sixtieth of a second, `[dim]`.
     fn step_sd(&self) -> &[f64];
     /// Standard deviation of the pelvis's change in that time: position (metres) and rotation (radians), pelvis frame.
     fn rigid_step_sd(&self) -> [f64; RIGID_DIM];
     /// Coordinates that belong together: trunk and head, each arm, each leg. Empty where coordinates move the whole body.
     fn parts(&self) -> &[Vec<usize>];
-    /// The joint angles, [n_dof], radians, of an upright person seen for the first time.
+    /// The joint angles, `[n_dof]`, radians, of an upright person seen for the first time.
     fn mean_angles(&self) -> &[f64];
 }
 

@@ -99,7 +99,7 @@ pub struct Transition {
 }
 
 impl Transition {
-    /// The proposal before a camera at `camera_centre` (metres, world), for the steps [dim] of the motion `walk`.
+    /// The proposal before a camera at `camera_centre` (metres, world), for the steps `[dim]` of the motion `walk`.
     pub fn new(
         predictor: Arc<TransitionPredictor>,
         camera_centre: DVec3,

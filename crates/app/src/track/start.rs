@@ -86,7 +86,7 @@ pub fn place_upright(
 }
 
 /// Height of the lowest sole above the floor z = 0, metres; negative when it is below.
-/// `joints_world` and `rest_joints`, [n_joints], metres; at rest the soles are at y = 0.
+/// `joints_world` and `rest_joints`, `[n_joints]`, metres; at rest the soles are at y = 0.
 pub fn lowest_sole_m(joints_world: &[DVec3; N_JOINTS], rest_joints: &RestJoints) -> f64 {
     FEET.iter()
         .map(|foot| joints_world[foot.index()].z - rest_joints[foot.index()].y)

@@ -7,9 +7,9 @@ use crate::predict::{ViewedPose, person_in};
 /// Masks, cut out, with their poses.
 #[derive(Clone, Debug, Default)]
 pub struct Examples {
-    /// The masks, [n].
+    /// The masks, `[n]`.
     pub masks: Vec<Mask>,
-    /// What they show, [n].
+    /// What they show, `[n]`.
     pub poses: Vec<ViewedPose>,
 }
 
