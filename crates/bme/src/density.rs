@@ -11,7 +11,7 @@ const MODE_STEPS: usize = 500;
 /// Two modes closer than this many standard deviations in every coordinate are one.
 const MODE_DISTANCE: f64 = 0.1;
 
-/// Σ_k exp(log_weights[k]) N(y | components[k]).
+/// Σ_k exp(log_weights\[k\]) N(y | components\[k\]).
 ///
 /// ```
 /// use bme::{Gaussian, MixtureDensity};

@@ -12,9 +12,9 @@ const MAX_ROUNDS: usize = 100;
 /// Centres and which of them each row is nearest to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Clusters {
-    /// [n_clusters] points in the units of the rows.
+    /// `[n_clusters]` points in the units of the rows.
     pub centres: Vec<Vec<f64>>,
-    /// [n_rows] indices of centres.
+    /// `[n_rows]` indices of centres.
     pub assignment: Vec<usize>,
 }
 

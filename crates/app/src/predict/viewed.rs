@@ -11,7 +11,7 @@ pub struct ViewedPose {
     pub heading_rad: f64,
     /// Rotation of the pelvis out of upright, a rotation vector in the body frame, radians.
     pub tilt_rad: DVec3,
-    /// Joint angles, `[n_dof]`, radians.
+    /// Joint angles, ``[n_dof]``, radians.
     pub angles: Vec<f64>,
 }
 

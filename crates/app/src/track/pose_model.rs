@@ -155,7 +155,7 @@ fn joint_parts() -> Vec<Vec<usize>> {
 }
 
 /// Joint angles are a mean and a sum of principal components; coordinates are in standard deviations, none beyond
-/// [`MAX_SD`].
+/// three.
 pub struct JointComponents {
     mean: Vec<f64>,
     /// Orthogonal columns, one standard deviation long, [n_dof, k].

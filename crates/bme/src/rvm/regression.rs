@@ -114,7 +114,7 @@ impl Rvm {
         self.outputs.iter().map(|output| output.mean_at(&features)).collect()
     }
 
-    /// The mean outputs at `x` and their derivatives, [n_outputs][n_inputs].
+    /// The mean outputs at `x` and their derivatives, `[n_outputs][n_inputs]`.
     ///
     /// # Panics
     /// When `x` has the wrong length.
