@@ -217,17 +217,28 @@ fn pictures_are_cut_out_before_a_plate_and_redacted_on_request() {
 
 #[test]
 fn a_background_is_learned_from_jpeg_frames_and_from_video() {
+    // Long enough that the person stands at no place for half of the clip, as the median asks.
     let walk: Vec<GrayImage> =
-        (0..16).map(|frame| shifted(&silhouette(frame), 8 * i64::from(frame) - 40)).collect();
+        (0..28).map(|frame| shifted(&silhouette(frame), 8 * i64::from(frame) - 108)).collect();
     let clip = Clip::of_masks(&walk);
     clip.paint_frames("jpg");
     Answer::of(&mut clip.track_input("frames", "frames-run")).succeeded();
     Answer::of(&mut track_assumed(&video("walker.mp4"), &clip.path("video-run"))).succeeded();
-    for run in ["frames-run", "video-run"] {
+    Answer::of(&mut clip.track("masks-run")).succeeded();
+    let iou = |run: &str| mean_iou(&clip.path(run));
+    println!("overlap: {} masks, {} frames, {} video", iou("masks-run"), iou("frames-run"), iou("video-run"));
+    // Whatever is cut out wrongly, a body cannot explain. So few particles lie badly on the right masks of so fast a
+    // person, too: those are the measure.
+    assert!(
+        (iou("frames-run") - iou("masks-run")).abs() < 0.1,
+        "{} and {}",
+        iou("frames-run"),
+        iou("masks-run")
+    );
+    assert!(iou("video-run") > 0.5, "{}", iou("video-run"));
+    for (run, n_frames) in [("frames-run", 28), ("video-run", 16)] {
         let run = clip.path(run);
-        assert_eq!(table(&run.join("poses.csv")).len(), 16);
-        // Whatever is cut out wrongly, a body cannot explain; few particles reach 0.6 to 0.7 on masks that are right.
-        assert!(mean_iou(&run) > 0.5, "{}: {}", run.display(), mean_iou(&run));
+        assert_eq!(table(&run.join("poses.csv")).len(), n_frames);
         let text = fs::read_to_string(run.join("run.toml")).expect("run.toml");
         assert!(text.contains("learned_background = \"median\""), "{text}");
     }
