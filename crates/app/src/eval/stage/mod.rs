@@ -24,7 +24,6 @@ use self::score::{TrackErrors, TrueFrame, moving_dofs, score};
 use super::joint_error::mean;
 use super::write_json;
 use crate::config::{ExecConfig, Method, Motion, TrackConfig, TrackParams};
-use crate::input::MaskFolder;
 use crate::predict::{PosePredictor, TransitionPredictor};
 use crate::progress::Progress;
 use crate::run_folder::FrameRecord;
@@ -32,7 +31,7 @@ use crate::stage::{FittedSequence, Sequence, fit_sequence, personal_joints};
 use crate::track::follower::Follower;
 use crate::track::pose_model::{FreeJoints, JointComponents, PoseModel};
 use crate::track::tracker::Scene;
-use crate::train::{TrainConfig, train_on_sequence, train_transitions};
+use crate::train::{TrainConfig, sequence_masks, train_on_sequence, train_transitions};
 
 /// Frames whose mean bone lengths are the subject's.
 const LENGTH_FRAMES: usize = 100;
@@ -354,18 +353,8 @@ impl Prepared {
 
     /// The masks of the test frames.
     fn masks(&self, camera: &str, kind: &str) -> anyhow::Result<Vec<Mask>> {
-        let path = self.sequence.masks_path(camera, kind);
-        let mut folder = MaskFolder::open(&path)?;
-        let mut masks = Vec::new();
-        for frame in 0..self.sequence.test.start + self.n_frames() {
-            let mask = folder.next_mask()?.with_context(|| {
-                format!("{}: holds {frame} masks, expected those of the test frames", path.display())
-            })?;
-            if frame >= self.sequence.test.start {
-                masks.push(mask);
-            }
-        }
-        Ok(masks)
+        let start = self.sequence.test.start;
+        sequence_masks(&self.sequence, camera, kind, &(start..start + self.n_frames()))
     }
 
     /// A follower of the person before `camera` that has seen nothing yet.
