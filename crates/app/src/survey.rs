@@ -57,17 +57,17 @@ impl TrainingData {
         ensure!(rows.len() == n_bodies, "{}: {} rows, expected {n_bodies}", truth.display(), rows.len());
         let model = BodyModel::builtin();
         let fit = SurfaceFit::new(&data, &model.template().source_vertices, model.triangles())?;
-        let mut shape = Vec::with_capacity(n_bodies);
+        let mut samples: Vec<Sample> = Vec::with_capacity(n_bodies);
         for (body, row) in rows.iter().enumerate() {
             let mut features = model.coefficients_of(&fit.apply(&data.vertices(body)));
             features.truncate(N_SHAPE_FEATURES);
             let (stature_m, weight_kg) = (row.stature_m, row.weight_kg);
-            shape.push(Sample { features, stature_m, weight_kg, sex: sex_of(&row.sex, &truth)? });
+            samples.push(Sample { features, stature_m, weight_kg, sex: sex_of(&row.sex, &truth)? });
         }
         let held_out = data.held_out();
-        let apart: BTreeSet<&str> =
-            rows[held_out.clone()].iter().map(|row| row.ansur_subject_id.as_str()).collect();
-        let shape_held_out = shape.split_off(held_out.start);
+        let apart: BTreeSet<&str> = held_out.iter().map(|&body| rows[body].ansur_subject_id.as_str()).collect();
+        let samples_of = |bodies: &[usize]| bodies.iter().map(|&body| samples[body].clone()).collect();
+        let (shape, shape_held_out) = (samples_of(&data.training_bodies()), samples_of(&held_out));
         Ok(Self { shape, shape_held_out, girths: survey(&folder.join("ansur/ansur2_public.csv"), &apart)? })
     }
 

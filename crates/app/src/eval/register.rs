@@ -274,10 +274,10 @@ fn errors(found: &Registration, truth: &[DVec3], triangles: &[[u32; 3]], places:
 /// The point of the population's mesh that each template vertex stands for: the nearest one, on the mean of the bodies that
 /// the shape space was made from.
 fn places_on(data: &BodiesData, model: &BodyModel) -> Places {
-    let n_training = data.held_out().start;
+    let training = data.training_bodies();
     let mut mean = data.mean.clone();
     for (k, direction) in data.basis.iter().enumerate() {
-        let along = data.coefficients[..n_training].iter().map(|row| row[k]).sum::<f64>() / n_training as f64;
+        let along = training.iter().map(|&body| data.coefficients[body][k]).sum::<f64>() / training.len() as f64;
         mean.iter_mut().zip(direction).for_each(|(point, step)| *point += along * *step);
     }
     let tree = TriangleTree::new(&mean, &data.triangles);

@@ -109,11 +109,6 @@ impl People {
         &self.truths
     }
 
-    /// The people who trained nothing: see [`BodiesData::held_out`].
-    pub fn held_out(&self) -> std::ops::Range<usize> {
-        self.data.held_out()
-    }
-
     /// The body of person `index`.
     ///
     /// # Panics

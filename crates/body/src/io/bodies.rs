@@ -1,6 +1,5 @@
 //! Reader of a population of bodies on one mesh: a folder of NumPy arrays and tables.
 
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
@@ -164,19 +163,24 @@ impl BodiesData {
         })
     }
 
-    /// The bodies that nothing may be trained on: the last sixth. The shape space, the predictors and their calibration see
-    /// the others only, so that these can test them.
-    pub fn held_out(&self) -> Range<usize> {
-        let n_bodies = self.coefficients.len();
-        n_bodies - n_bodies / 6..n_bodies
+    /// The bodies that nothing may be trained on: of every six couples the last. The shape space, the predictors and their
+    /// calibration see [the others](Self::training_bodies) only, so that these can test them. The rows go by stature, men and
+    /// women in turn, so both parts have people of every size and of both sexes.
+    pub fn held_out(&self) -> Vec<usize> {
+        (0..self.coefficients.len()).filter(|&body| is_held_out(body)).collect()
+    }
+
+    /// The bodies that are not [held out](Self::held_out).
+    pub fn training_bodies(&self) -> Vec<usize> {
+        (0..self.coefficients.len()).filter(|&body| !is_held_out(body)).collect()
     }
 
     /// The population without the bodies [held out](Self::held_out).
     #[must_use]
     pub fn training(mut self) -> Self {
-        let n_training = self.held_out().start;
-        self.coefficients.truncate(n_training);
-        self.is_female.truncate(n_training);
+        let training = self.training_bodies();
+        self.coefficients = training.iter().map(|&body| self.coefficients[body].clone()).collect();
+        self.is_female = training.iter().map(|&body| self.is_female[body]).collect();
         self
     }
 
@@ -189,6 +193,10 @@ impl BodiesData {
     pub fn joints(&self, index: usize) -> Vec<DVec3> {
         combine(&self.mean_joints, &self.joint_basis, &self.coefficients[index])
     }
+}
+
+fn is_held_out(body: usize) -> bool {
+    (body / 2) % 6 == 5
 }
 
 fn combine(mean: &[DVec3], basis: &[Vec<DVec3>], coefficients: &[f64]) -> Vec<DVec3> {

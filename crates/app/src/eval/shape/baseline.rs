@@ -19,7 +19,8 @@ fn inputs(truth: &Truth) -> [Vec<f64>; 3] {
 
 impl Baselines {
     /// Lines by least squares.
-    pub fn learn(truths: &[Truth]) -> Self {
+    pub fn learn<'a>(truths: impl Iterator<Item = &'a Truth>) -> Self {
+        let truths: Vec<&Truth> = truths.collect();
         let fit = |quantity: Quantity, which: usize| {
             let rows: Vec<Vec<f64>> = truths.iter().map(|truth| inputs(truth)[which].clone()).collect();
             let design = DMatrix::from_fn(rows.len(), rows[0].len(), |row, column| rows[row][column]);

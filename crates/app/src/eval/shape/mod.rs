@@ -57,18 +57,19 @@ pub fn evaluate(eval: &ShapeEval) -> anyhow::Result<ShapeReport> {
     let split = if eval.on_training { "train" } else { "validate" };
     let studio = Studio::open(folder, &eval.motions, &[split])?;
     let is_population = studio.people.data().coefficients == population.data().coefficients;
-    let range = match (is_population, eval.on_training) {
-        (true, false) => population.held_out(),
-        (true, true) => 0..population.held_out().start,
-        (false, _) => 0..studio.people.len(),
+    let candidates = match (is_population, eval.on_training) {
+        (true, false) => population.data().held_out(),
+        (true, true) => population.data().training_bodies(),
+        (false, _) => (0..studio.people.len()).collect(),
     };
     let truths = studio.people.truths();
-    let people = choose_people(truths, range, eval.people);
+    let people = choose_people(truths, &candidates, eval.people);
     if people.len() < 2 {
         bail!("{}: {} people to test, expected 2 at least", folder.display(), people.len());
     }
     let fits = fit_people(&studio, &people, SEED, &light_tracking(), &ShapeConfig::default(), SINGLE_FRAMES)?;
-    let baselines = Baselines::learn(&population.truths()[..population.held_out().start]);
+    let training = population.data().training_bodies();
+    let baselines = Baselines::learn(training.iter().map(|&person| &population.truths()[person]));
     let predictor = Predictor::builtin();
     let mut scored = Vec::new();
     for found in &fits {

@@ -25,17 +25,17 @@ pub fn train(bodies: &Path, motions: &Path, n_people: usize, out: &Path) -> anyh
     let config = ShapeConfig::default();
     let model = BodyModel::builtin();
     let (data, truths) = (studio.people.data(), studio.people.truths());
-    let n_training = studio.people.held_out().start;
+    let training = data.training_bodies();
     let surface = SurfaceFit::new(data, &model.template().source_vertices, model.triangles())?;
-    let known: Vec<KnownBody<'_>> = (0..n_training)
-        .into_par_iter()
-        .map(|person| {
+    let known: Vec<KnownBody<'_>> = training
+        .par_iter()
+        .map(|&person| {
             let mut shape = model.coefficients_of(&surface.apply(&data.vertices(person)));
             shape.truncate(config.n_shape);
             KnownBody { shape, truth: &truths[person] }
         })
         .collect();
-    let people = choose_people(truths, 0..n_training, n_people);
+    let people = choose_people(truths, &training, n_people);
     let fits = fit_people(&studio, &people, SEED, &light_tracking(), &config, 0)?;
     let walks: Vec<KnownFit<'_>> = fits
         .into_iter()

@@ -1,6 +1,5 @@
 //! People who walk, and the bodies that the program finds for them.
 
-use std::ops::Range;
 
 use body::{BodyModel, Sex};
 use rayon::prelude::*;
@@ -69,10 +68,10 @@ pub fn fit_people(
     people.par_iter().map(fit).collect()
 }
 
-/// `count` people of `range`, spread over it, as many women as men.
-pub fn choose_people(truths: &[Truth], range: Range<usize>, count: usize) -> Vec<usize> {
+/// `count` people of `candidates`, spread over them, as many women as men.
+pub fn choose_people(truths: &[Truth], candidates: &[usize], count: usize) -> Vec<usize> {
     let of_sex = |sex: Sex, count: usize| -> Vec<usize> {
-        let all: Vec<usize> = range.clone().filter(|&person| truths[person].sex == sex).collect();
+        let all: Vec<usize> = candidates.iter().copied().filter(|&person| truths[person].sex == sex).collect();
         let count = count.min(all.len());
         (0..count).map(|k| all[k * all.len() / count]).collect()
     };

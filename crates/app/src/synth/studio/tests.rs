@@ -16,7 +16,7 @@ fn studio() -> Option<Studio> {
 #[test]
 fn walks_are_seen_whole_on_the_floor_and_repeat() {
     let Some(studio) = studio() else { return };
-    let person = studio.people.held_out().start;
+    let person = studio.people.data().held_out()[0];
     let walk = studio.walk(person, 5).unwrap();
     assert_eq!(walk.frames.len(), 12);
     let body = studio.people.body(person);
