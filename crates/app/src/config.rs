@@ -104,6 +104,10 @@ pub struct TrackConfig {
     pub least_sd: f64,
     /// Least standard deviation of each joint angle's step from frame to frame, likewise.
     pub least_step: f64,
+    /// Whether clavicles move more than they do in the recordings.
+    pub frees_clavicles: bool,
+    /// Steps of local optimisation that the answer of a frame takes towards the outline of the mask.
+    pub refine_steps: u32,
     /// Weight of the Gaussian prior over joint angles in the log-likelihood.
     pub prior_weight: f64,
     /// Diffusion of the first layer, in standard deviations of the motion from one frame to the next.
@@ -144,6 +148,8 @@ impl Default for TrackConfig {
             prior_widening: 1.3,
             least_sd: 0.06,
             least_step: 0.006,
+            frees_clavicles: true,
+            refine_steps: 4,
             prior_weight: 1.0,
             diffusion: 3.0,
             diffusion_ratio: 0.8,
@@ -181,6 +187,7 @@ impl TrackParams {
         let c = &config;
         check("particles", f64::from(c.particles), 2.0..=100_000.0, "2 to 100000")?;
         check("layers", f64::from(c.layers), 1.0..=100.0, "1 to 100")?;
+        check("refine_steps", f64::from(c.refine_steps), 0.0..=50.0, "0 to 50")?;
         check("modes", f64::from(c.modes), 1.0..=8.0, "1 to 8")?;
         check("components", f64::from(c.components), 1.0..=49.0, "1 to 49")?;
         check(
@@ -213,7 +220,12 @@ impl TrackParams {
 
     /// By how much the learned prior is widened for [`Motion::Any`].
     pub fn widening(&self) -> Widening {
-        Widening { factor: self.prior_widening, least_sd: self.least_sd, least_step: self.least_step }
+        Widening {
+            factor: self.prior_widening,
+            least_sd: self.least_sd,
+            least_step: self.least_step,
+            frees_clavicles: self.frees_clavicles,
+        }
     }
 }
 

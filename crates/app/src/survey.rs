@@ -65,7 +65,8 @@ impl TrainingData {
             samples.push(Sample { features, stature_m, weight_kg, sex: sex_of(&row.sex, &truth)? });
         }
         let held_out = data.held_out();
-        let apart: BTreeSet<&str> = held_out.iter().map(|&body| rows[body].ansur_subject_id.as_str()).collect();
+        let apart: BTreeSet<&str> =
+            held_out.iter().map(|&body| rows[body].ansur_subject_id.as_str()).collect();
         let samples_of = |bodies: &[usize]| bodies.iter().map(|&body| samples[body].clone()).collect();
         let (shape, shape_held_out) = (samples_of(&data.training_bodies()), samples_of(&held_out));
         Ok(Self { shape, shape_held_out, girths: survey(&folder.join("ansur/ansur2_public.csv"), &apart)? })

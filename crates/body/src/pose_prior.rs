@@ -20,6 +20,8 @@ pub const N_STEP: usize = 6 + N_DOF;
 /// How to learn a prior.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PosePriorConfig {
+    /// Whether mirror images of poses and steps count: of people at large they do, one person has a side that hangs.
+    pub mirror: bool,
     /// Share by which correlations shrink towards zero, as the poses are of few people.
     pub shrinkage: f64,
     /// Standard deviation added to each angle, radians: recordings hold some joints that people move.
@@ -35,6 +37,7 @@ pub struct PosePriorConfig {
 impl Default for PosePriorConfig {
     fn default() -> Self {
         Self {
+            mirror: true,
             shrinkage: 0.05,
             angle_floor_rad: 2f64.to_radians(),
             step_floor_rad: 0.1f64.to_radians(),
@@ -96,7 +99,7 @@ impl PosePrior {
         Self::from_bytes(include_bytes!("../assets/umbra-prior.bin")).expect("the crate's own prior is sound")
     }
 
-    /// Learns from `motions` and their mirror images. `notice` says whose they are.
+    /// Learns from `motions` and, where `config` says so, their mirror images. `notice` says whose they are.
     ///
     /// # Errors
     /// [`LearnPriorError`] for too few poses or motions of different rates.
@@ -117,9 +120,10 @@ impl PosePrior {
             let (motion, found) = (other.name.clone(), other.frame_rate_hz);
             return Err(LearnPriorError::FrameRate { motion, found, expected: frame_rate_hz });
         }
-        let both: Vec<Motion> =
-            motions.iter().flat_map(|motion| [motion.clone(), motion.mirrored()]).collect();
-        let poses: Vec<DVector<f64>> = both
+        let with_mirror =
+            |motion: &Motion| std::iter::once(motion.clone()).chain(config.mirror.then(|| motion.mirrored()));
+        let seen: Vec<Motion> = motions.iter().flat_map(with_mirror).collect();
+        let poses: Vec<DVector<f64>> = seen
             .iter()
             .flat_map(|motion| &motion.poses)
             .map(|pose| DVector::from_column_slice(&pose.angles))
@@ -129,7 +133,7 @@ impl PosePrior {
         let covariance = regularised(&sample_covariance, config.shrinkage, |_| config.angle_floor_rad);
 
         let largest_change = config.jump_rad_per_sec / frame_rate_hz;
-        let steps = both
+        let steps = seen
             .iter()
             .flat_map(|motion| motion.poses.windows(2).map(|pair| step(&pair[0], &pair[1])))
             .filter(|step| step.rows(6, N_DOF).amax() <= largest_change);

@@ -75,6 +75,12 @@ pub struct StageArgs {
     /// What the trackers learn from.
     #[arg(long, value_enum, default_value_t = stage::TrainOn::Sequence)]
     train: stage::TrainOn,
+    /// Test on the last of the training frames and train on those before them: for tuning.
+    #[arg(long)]
+    validate: bool,
+    /// Keep the predictors that are trained in this folder, and use those that are there.
+    #[arg(long, value_name = "FOLDER")]
+    models: Option<PathBuf>,
     /// Number of seeds: 1, 2, and so on.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..))]
     seeds: u64,
@@ -232,6 +238,8 @@ pub fn run(command: &EvalCommand) -> anyhow::Result<()> {
                 masks: args.masks.clone(),
                 methods: args.methods.clone(),
                 train: args.train,
+                validate: args.validate,
+                models: args.models.clone(),
                 seeds: args.seeds,
                 recovery: args.recovery,
                 frames: args.frames,

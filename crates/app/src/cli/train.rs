@@ -1,10 +1,8 @@
 //! `umbra train`: predictors of poses from masks.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::Context as _;
 use clap::Args;
 
 use super::eval::data_folder;
@@ -12,7 +10,7 @@ use crate::predict::{Activity, PosePredictor};
 use crate::progress::{Progress, note};
 use crate::stage::Sequence;
 use crate::train::validate::cross_validate;
-use crate::train::{DescriptorKind, TrainConfig, train_on_recordings, train_on_sequence};
+use crate::train::{DescriptorKind, TrainConfig, TrainingFrames, train_on_recordings, train_on_sequence};
 
 /// The shipped models have to be small: fewer bases an expert, pose coordinates and sectors.
 const SHIPPED_BASES: usize = 32;
@@ -93,8 +91,9 @@ pub fn run(args: &TrainArgs) -> anyhow::Result<()> {
     for name in &args.sequence {
         let sequence = Sequence::read(&stage.join(name))?;
         let start = Instant::now();
+        let frames = TrainingFrames::read(&sequence, &args.camera, &args.masks)?;
         if args.validate {
-            let errors = cross_validate(&sequence, &args.camera, &args.masks, &config)?;
+            let errors = cross_validate(&frames, &config)?;
             note(&format!(
                 "{name}: mean {:.1} mm, mode {:.1}, best of five {:.1}, with the true heading {:.1}; heading {:.1} degrees; ln p {:.2}; {:.1} s",
                 errors.mean_mm,
@@ -106,9 +105,10 @@ pub fn run(args: &TrainArgs) -> anyhow::Result<()> {
                 start.elapsed().as_secs_f64(),
             ));
         } else {
-            let predictor = train_on_sequence(&sequence, &args.camera, &args.masks, &config)?;
-            let path = args.out.join(format!("{}.bin", name.replace('/', "-")));
-            write(&path, &predictor.to_bytes(), &predictor, start)?;
+            let predictor = train_on_sequence(&frames, &config)?;
+            let path = args.out.join(sequence.model_file_name());
+            predictor.write(&path)?;
+            say(&path, &predictor, start);
         }
     }
     Ok(())
@@ -128,26 +128,19 @@ fn train_shipped(recordings: &Path, args: &TrainArgs) -> anyhow::Result<()> {
         } else {
             let start = Instant::now();
             let predictor = train_on_recordings(recordings, activity, &config)?;
-            write(&path, &predictor.to_small_bytes(), &predictor, start)?;
+            predictor.write_small(&path)?;
+            say(&path, &predictor, start);
         }
         progress.advance();
     }
     Ok(())
 }
 
-/// Writes a model whole or not at all.
-fn write(path: &Path, bytes: &[u8], predictor: &PosePredictor, start: Instant) -> anyhow::Result<()> {
-    let folder = path.parent().unwrap_or(Path::new("."));
-    fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
-    let partial = path.with_extension("partial");
-    fs::write(&partial, bytes).with_context(|| format!("{}: cannot write", partial.display()))?;
-    fs::rename(&partial, path).with_context(|| format!("{}: cannot write", path.display()))?;
+fn say(path: &Path, predictor: &PosePredictor, start: Instant) {
     note(&format!(
-        "{}: {} masks, {:.1} MB, {:.1} s",
+        "{}: {} masks, {:.1} s",
         path.display(),
         predictor.training().n_masks,
-        bytes.len() as f64 / 1e6,
         start.elapsed().as_secs_f64()
     ));
-    Ok(())
 }

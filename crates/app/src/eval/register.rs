@@ -277,7 +277,8 @@ fn places_on(data: &BodiesData, model: &BodyModel) -> Places {
     let training = data.training_bodies();
     let mut mean = data.mean.clone();
     for (k, direction) in data.basis.iter().enumerate() {
-        let along = training.iter().map(|&body| data.coefficients[body][k]).sum::<f64>() / training.len() as f64;
+        let along =
+            training.iter().map(|&body| data.coefficients[body][k]).sum::<f64>() / training.len() as f64;
         mean.iter_mut().zip(direction).for_each(|(point, step)| *point += along * *step);
     }
     let tree = TriangleTree::new(&mean, &data.triangles);

@@ -1,5 +1,9 @@
 //! A predictor as a file: postcard in a container with version, length and checksum.
 
+use std::fs;
+use std::path::Path;
+
+use anyhow::Context as _;
 use bme::HierarchicalMixture;
 use bme::file::{HierarchicalFile, ModelFileError};
 use body::container::{self, ContainerError};
@@ -50,10 +54,43 @@ pub enum LoadPredictorError {
     },
 }
 
+fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+    let partial = path.with_extension("partial");
+    fs::write(&partial, bytes).with_context(|| format!("{}: cannot write", partial.display()))?;
+    fs::rename(&partial, path).with_context(|| format!("{}: cannot write", path.display()))
+}
+
 impl PosePredictor {
     /// The file of this predictor.
     pub fn to_bytes(&self) -> Vec<u8> {
         sealed(&self.file())
+    }
+
+    /// Reads a predictor from a file.
+    ///
+    /// # Errors
+    /// When there is none, or it is of another version or damaged; the message names the file.
+    pub fn read(path: &Path) -> anyhow::Result<Self> {
+        let bytes = fs::read(path).with_context(|| format!("{}: cannot read", path.display()))?;
+        Self::from_bytes(&bytes).with_context(|| format!("{}: not a predictor of poses", path.display()))
+    }
+
+    /// Writes the file of [`Self::to_bytes`], whole or not at all.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn write(&self, path: &Path) -> anyhow::Result<()> {
+        write_whole(path, &self.to_bytes())
+    }
+
+    /// Writes the file of [`Self::to_small_bytes`], whole or not at all.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn write_small(&self, path: &Path) -> anyhow::Result<()> {
+        write_whole(path, &self.to_small_bytes())
     }
 
     /// A file of a third the size, of a predictor that cannot learn on as well.

@@ -106,10 +106,19 @@ impl<'a> Adjuster<'a> {
         for (i, dof) in Skeleton::human().dofs().iter().enumerate() {
             covariance[(i, i)] += (config.pose_least_sd * (dof.limits_rad[1] - dof.limits_rad[0])).powi(2);
         }
-        let pose_precision =
-            covariance.try_inverse().expect("the covariance of a prior is positive definite");
-        let pose_mean = DVector::from_column_slice(prior.mean_rad());
-        Self { figure, camera, config, pose_mean, pose_precision }
+        let precision = covariance.try_inverse().expect("the covariance of a prior is positive definite");
+        Self::with_pose_prior(figure, camera, config, prior.mean_rad(), precision)
+    }
+
+    /// The same under another Gaussian prior over joint angles, mean `[n_dof]` (radians) and inverse covariance.
+    pub fn with_pose_prior(
+        figure: &'a Figure,
+        camera: &'a Camera,
+        config: AdjustConfig,
+        mean_rad: &[f64],
+        pose_precision: DMatrix<f64>,
+    ) -> Self {
+        Self { figure, camera, config, pose_mean: DVector::from_column_slice(mean_rad), pose_precision }
     }
 
     /// Adjusts shape and poses to `views`, from `shape` on.

@@ -53,8 +53,16 @@ pub fn shape_from_masks(
     })?;
     let body = Arc::new(model.shape_for_stature(stature_m, None));
     let prior = Arc::new(FreeJoints::new(&PosePrior::builtin(), params.widening()));
-    let scene =
-        Scene { body, camera: *camera, model: prior, predictor: None, transitions: None, fps, params };
+    let scene = Scene {
+        body,
+        camera: *camera,
+        model: prior,
+        predictor: None,
+        transitions: None,
+        refiner: None,
+        fps,
+        params,
+    };
     let mut follower = Follower::new(scene);
     let mut poses = Vec::new();
     for (index, mask) in masks.iter().enumerate() {

@@ -120,6 +120,11 @@ struct SubjectFile {
     stature_mm: f64,
 }
 
+/// One of so many parts of the training frames validates, and
+const VALIDATION_PART: usize = 3;
+/// so many frames before it are left out: neighbours are nearly equal.
+const VALIDATION_GAP: usize = 10;
+
 impl Sequence {
     /// Reads the sequence in `folder`.
     ///
@@ -174,6 +179,21 @@ impl Sequence {
             markers,
             rotations,
         })
+    }
+
+    /// The sequence with the last of its training frames in place of the test frames, and those before them to train on.
+    #[must_use]
+    pub fn for_validation(mut self) -> Self {
+        let start = self.train.end - (self.train.len() / VALIDATION_PART).max(1);
+        self.test = start..self.train.end;
+        self.train.end = start.saturating_sub(VALIDATION_GAP).max(self.train.start + 1);
+        self
+    }
+
+    /// The name of a file with what was learned from the sequence, as `S1-Walking_1.bin`.
+    pub fn model_file_name(&self) -> String {
+        let name = self.folder.file_name().unwrap_or_default().to_string_lossy();
+        format!("{}-{name}.bin", self.subject)
     }
 
     /// All sequences of the data set in `data`, sorted by subject and name.

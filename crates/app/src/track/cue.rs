@@ -150,7 +150,7 @@ mod tests {
     use std::sync::Arc;
 
     fn space() -> BodySpace {
-        let widening = Widening { factor: 1.3, least_sd: 0.06, least_step: 0.006 };
+        let widening = Widening { factor: 1.3, least_sd: 0.06, least_step: 0.006, frees_clavicles: true };
         BodySpace::new(Arc::new(FreeJoints::new(&PosePrior::builtin(), widening)))
     }
 

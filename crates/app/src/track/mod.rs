@@ -3,7 +3,8 @@
 //! # Map
 //! [`clip`] masks of a clip · [`camera_choice`] its camera · [`state`] what is estimated · [`pose_model`] what poses are likely ·
 //! [`overlap`], [`likelihood`] how well a state explains a mask · [`moves`], [`limb`] how particles move · [`start`] where they
-//! begin · [`cue`] what the mask alone says · [`proposal`] where a frame's particles come from · [`tracker`] frame after frame · [`modes`] several readings side by side ·
+//! begin · [`cue`] what the mask alone says · [`proposal`] where a frame's particles come from · [`refine`]
+//! the last steps to the best pose · [`tracker`] frame after frame · [`modes`] several readings side by side ·
 //! [`follower`] losses and new starts · [`pipeline`] from the input to the run folder
 
 pub mod camera_choice;
@@ -18,6 +19,7 @@ pub mod overlap;
 pub mod pipeline;
 pub mod pose_model;
 pub mod proposal;
+pub mod refine;
 pub mod start;
 pub mod state;
 pub mod tracker;

@@ -13,9 +13,10 @@ use silhouette::Mask;
 use super::camera_choice::CameraChoice;
 use super::clip::{Background, ClipFrame, ClipInput, ClipReader};
 use super::follower::Follower;
-use super::pose_model::{FreeJoints, JointComponents, PoseModel};
+use super::pose_model::{FreeJoints, pose_model};
+use super::refine::Refiner;
 use super::tracker::Scene;
-use crate::config::{ExecConfig, Motion, TrackConfig, TrackParams};
+use crate::config::{ExecConfig, TrackConfig, TrackParams};
 use crate::progress::Progress;
 use crate::run_folder::{Existing, FrameRecord, RunHeader, RunInput, RunWriter, Status, WriteRunError};
 
@@ -124,10 +125,12 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
         body: body.clone(),
     };
     let (mut writer, resumed) = RunWriter::open(&job.out, job.existing, header)?;
+    let prior = PosePrior::builtin();
     let mut follower = Follower::new(Scene {
-        body,
+        body: body.clone(),
         camera: known.camera,
-        model: pose_model(&params),
+        model: pose_model(&prior, &params),
+        refiner: Some(Arc::new(Refiner::new(&body, FreeJoints::new(&prior, params.widening())))),
         predictor: None,
         transitions: None,
         fps,
@@ -262,15 +265,6 @@ impl RangeReader {
             }
         }
         None
-    }
-}
-
-/// The pose model that the settings ask for.
-fn pose_model(params: &TrackParams) -> Arc<dyn PoseModel> {
-    let prior = PosePrior::builtin();
-    match params.motion {
-        Motion::Any => Arc::new(FreeJoints::new(&prior, params.widening())),
-        Motion::Captured => Arc::new(JointComponents::new(&prior, params.components as usize)),
     }
 }
 

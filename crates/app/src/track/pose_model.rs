@@ -1,11 +1,14 @@
 //! Coordinates of a pose and what is known of them before a mask is seen: free joint angles, or their principal
 //! components.
 
+use std::sync::Arc;
+
 use body::pose_prior::PosePrior;
 use body::{JointId, N_DOF, Skeleton};
 use nalgebra::{DMatrix, DVector};
 
 use super::state::RIGID_DIM;
+use crate::config::{Motion, TrackParams};
 
 /// Coordinates of a pose: the joint angles themselves, or fewer numbers from which they follow.
 ///
@@ -34,6 +37,14 @@ pub trait PoseModel: Send + Sync {
     fn mean_angles(&self) -> &[f64];
 }
 
+/// The pose model that the settings ask for, over the poses of `prior`.
+pub fn pose_model(prior: &PosePrior, params: &TrackParams) -> Arc<dyn PoseModel> {
+    match params.motion {
+        Motion::Any => Arc::new(FreeJoints::new(prior, params.widening())),
+        Motion::Captured => Arc::new(JointComponents::new(prior, params.components as usize)),
+    }
+}
+
 /// Every joint angle is a coordinate of its own, within hard limits and under one Gaussian. For motions that no
 /// training showed: a space of gaits cannot raise an arm.
 pub struct FreeJoints {
@@ -43,7 +54,7 @@ pub struct FreeJoints {
     parts: Vec<Vec<usize>>,
 }
 
-/// Standard deviation of the angles of a clavicle. The recordings hang the arms on the trunk, so that clavicles hardly move
+/// Standard deviation of the angles of a clavicle, for [`Widening::frees_clavicles`]. The recordings hang the arms on the trunk, so that clavicles hardly move
 /// in them; in life they lift a raised arm by up to half a radian. Freeing them lowers the joint error on the bundled real
 /// clip by 10 mm.
 const CLAVICLE_SD_RAD: f64 = 0.25;
@@ -60,6 +71,8 @@ pub struct Widening {
     pub least_sd: f64,
     /// Least standard deviation of each angle's step from frame to frame, likewise.
     pub least_step: f64,
+    /// Whether clavicles may lift a raised arm although the recordings hardly move them.
+    pub frees_clavicles: bool,
 }
 
 impl FreeJoints {
@@ -70,8 +83,9 @@ impl FreeJoints {
         let mut step_sd = Vec::with_capacity(N_DOF);
         for (i, dof) in Skeleton::human().dofs().iter().enumerate() {
             let range = dof.limits_rad[1] - dof.limits_rad[0];
-            let is_clavicle = [JointId::LEFT_CLAVICLE, JointId::RIGHT_CLAVICLE].contains(&dof.joint);
-            let least_sd = if is_clavicle { CLAVICLE_SD_RAD } else { widening.least_sd * range };
+            let is_freed = widening.frees_clavicles
+                && [JointId::LEFT_CLAVICLE, JointId::RIGHT_CLAVICLE].contains(&dof.joint);
+            let least_sd = if is_freed { CLAVICLE_SD_RAD } else { widening.least_sd * range };
             covariance[(i, i)] += least_sd.powi(2);
             step_sd.push(
                 prior.step_covariance()[(RIGID_DIM + i, RIGID_DIM + i)]
@@ -81,6 +95,16 @@ impl FreeJoints {
         }
         let precision = covariance.try_inverse().expect("the covariance of a prior is positive definite");
         Self { mean: prior.mean_rad().to_vec(), precision, step_sd, parts: joint_parts() }
+    }
+
+    /// Mean of the joint angles, `[n_dof]`, radians.
+    pub fn mean(&self) -> &[f64] {
+        &self.mean
+    }
+
+    /// Inverse of their covariance.
+    pub fn precision(&self) -> &DMatrix<f64> {
+        &self.precision
     }
 }
 

@@ -9,7 +9,11 @@ use glam::DVec3;
 use pf_core::estimate::weighted_mean;
 use pf_core::proposal::{MixtureConfig, MixtureProposal};
 use pf_core::schedule::{DiffusionConfig, Geometric, GeometricConfig};
-use pf_core::{Filter, FilterConfig, FilterParams, FilterState, Gaussian, RandomWalk, StateSpace as _, Step};
+use pf_core::scratch::with_buffer;
+use pf_core::{
+    Filter, FilterConfig, FilterParams, FilterState, Gaussian, Likelihood as _, RandomWalk, StateSpace as _,
+    Step,
+};
 use render_gpu::ScoreError;
 use silhouette::Mask;
 
@@ -19,6 +23,7 @@ use super::moves::BodyMoves;
 use super::overlap::BodyOverlap;
 use super::pose_model::PoseModel;
 use super::proposal::{BodyProposal, Transition};
+use super::refine::Refiner;
 use super::start::place_upright;
 use super::state::{BodySpace, BodyState, RIGID_DIM, blank_pose};
 use crate::config::{Method, TrackParams};
@@ -64,6 +69,8 @@ pub struct Scene {
     pub predictor: Option<Arc<PosePredictor>>,
     /// Predicts poses from the pose before and the mask now, where there is one.
     pub transitions: Option<Arc<TransitionPredictor>>,
+    /// Brings poses onto the outline, where that is wanted.
+    pub refiner: Option<Arc<Refiner>>,
     /// Frames a second.
     pub fps: f64,
     /// Settings.
@@ -340,6 +347,7 @@ impl Tracker {
                 .map(|last| (last.unique_ancestors as u64, view.log_evidence, last.max_log_likelihood)),
             Step::Lost(_) => None,
         };
+        self.refine(seen)?;
         let mut estimate = self.estimate(Status::Tracked);
         estimate.iou = self.iou(&estimate.pose)?;
         (estimate.unique_ancestors, estimate.log_evidence, self.fit) =
@@ -350,6 +358,30 @@ impl Tracker {
             estimate.status = Status::Lost;
         }
         Ok(estimate)
+    }
+
+    /// Takes the estimate to the outline of the mask and the particles along with it, where that explains the mask better.
+    fn refine(&mut self, seen: &Observation) -> anyhow::Result<()> {
+        let steps = self.scene.params.refine_steps as usize;
+        let Some(refiner) = self.scene.refiner.as_deref().filter(|_| steps > 0) else { return Ok(()) };
+        let space = self.filter.space().clone();
+        let mean = weighted_mean(&space, self.filter.particles(), self.filter.weights());
+        let Some(pose) = refiner.refine(&self.scene.camera, &seen.mask, &space.pose(&mean), steps) else {
+            return Ok(());
+        };
+        let states = [mean, space.state_from_pose(&pose)];
+        let mut log_likelihoods = [0.0; 2];
+        self.likelihood.log_likelihoods(seen, &states, &mut log_likelihoods)?;
+        let [before, after] = log_likelihoods;
+        if after > before {
+            let mut state = self.filter.checkpoint();
+            with_buffer(space.dim(), |delta| {
+                space.local(&states[0], &states[1], delta);
+                state.particles.iter_mut().for_each(|particle| space.retract(particle, delta));
+            });
+            self.filter.restore(state)?;
+        }
+        Ok(())
     }
 
     /// A frame that shows nobody: the particles spread as the motion does.

@@ -1,10 +1,11 @@
 //! Training of pose predictors and dynamics, from masks with known poses.
 //!
-//! [`Examples`] come from the training frames of a sequence ([`train_on_sequence`]) or are rendered from recorded motion
+//! [`Examples`] come from the [`TrainingFrames`] of a sequence ([`train_on_sequence`]) or are rendered from recorded motion
 //! ([`render`]). [`fit_predictor`] makes a predictor of them.
 
 mod examples;
 mod fit;
+mod frames;
 pub mod noise;
 mod recorded;
 pub mod render;
@@ -14,6 +15,7 @@ pub mod validate;
 
 pub use examples::Examples;
 pub use fit::{DescriptorKind, TrainConfig, fit_predictor};
+pub use frames::{TrainingFrames, first_markers, sequence_masks};
 pub use recorded::train_on_recordings;
-pub use sequence::{fitted_motion, sequence_masks, train_on_sequence};
+pub use sequence::train_on_sequence;
 pub use transition::train_transitions;

@@ -6,9 +6,8 @@ use bme::{
 };
 use pf_core::rng::{Draw, Purpose, particle_rng};
 
-use super::{TrainConfig, fitted_motion, sequence_masks};
+use super::{TrainConfig, TrainingFrames};
 use crate::predict::{PosePredictor, TransitionPredictor, ViewedPose};
-use crate::stage::Sequence;
 
 /// Inverse kernel width over the mean squared distance of a block's inputs.
 const WIDTH_FACTOR: f64 = 1.0;
@@ -19,21 +18,17 @@ const COPIES: usize = 2;
 /// the pose before is off by this much (standard deviations of its coordinates, and radians of heading), as a tracker's is.
 const ERROR_BEFORE: f64 = 0.4;
 
-/// Learns how the person of `sequence` goes on, given the next mask of `camera`; descriptions and coordinates are those of
-/// `predictor`. Every pair of frames serves as a mirror shows it, too.
+/// Learns how the person goes on, given the next mask; descriptions and coordinates are those of `predictor`. Every pair of
+/// frames serves as a mirror shows it, too.
 ///
 /// # Errors
-/// When the data cannot be read or there is too little of it.
+/// When there is too little to learn from.
 pub fn train_transitions(
-    sequence: &Sequence,
-    camera: &str,
-    kind: &str,
+    frames: &TrainingFrames<'_>,
     predictor: &PosePredictor,
     config: &TrainConfig,
 ) -> anyhow::Result<TransitionPredictor> {
-    let range = sequence.train.clone();
-    let motion = fitted_motion(sequence, range.clone())?;
-    let masks = sequence_masks(sequence, camera, kind, &range)?;
+    let TrainingFrames { sequence, camera, masks, motion, .. } = frames;
     let camera_world = sequence.camera(camera)?.centre_world();
     let (space, descriptor) = (predictor.space(), predictor.descriptor());
     let at = Draw { seed: config.seed, frame: 0, layer: 0, purpose: Purpose::User };

@@ -6,10 +6,10 @@ use body::pose::forward_kinematics;
 use body::{RestJoints, Skeleton};
 use glam::DVec3;
 
-use super::sequence::{fitted_motion, sequence_masks, training_of};
-use super::{TrainConfig, fit_predictor};
+use super::sequence::{examples_of_frames, training_of};
+use super::{TrainConfig, TrainingFrames, fit_predictor};
 use crate::predict::{PosePredictor, ViewedPose, wrapped};
-use crate::stage::{Markers, Sequence, markers_of};
+use crate::stage::{Markers, markers_of};
 
 /// Modes among which the best is looked for.
 const N_MODES: usize = 5;
@@ -39,29 +39,21 @@ pub fn folds(train: &Range<usize>) -> [Range<usize>; 2] {
     [train.start..train.start + fifth, train.end - fifth..train.end]
 }
 
-/// Trains on the training frames of `sequence` but for one fold and measures on that; the mean over both [`folds`].
+/// Trains on the training frames but for one fold and measures on that; the mean over both [`folds`].
 ///
 /// # Errors
-/// When the data cannot be read or there is too little of it.
-pub fn cross_validate(
-    sequence: &Sequence,
-    camera: &str,
-    kind: &str,
-    config: &TrainConfig,
-) -> anyhow::Result<PredictionErrors> {
-    let train = sequence.train.clone();
-    let motion = fitted_motion(sequence, train.clone())?;
-    let masks = sequence_masks(sequence, camera, kind, &train)?;
+/// When there is too little to learn from.
+pub fn cross_validate(frames: &TrainingFrames<'_>, config: &TrainConfig) -> anyhow::Result<PredictionErrors> {
+    let TrainingFrames { sequence, camera, masks, motion, .. } = frames;
+    let train = frames.range();
     let camera_world = sequence.camera(camera)?.centre_world();
     let mut sum = PredictionErrors::default();
     let mut n = 0.0;
     for fold in folds(&train) {
         let is_near = |frame: usize| frame + GAP >= fold.start && frame < fold.end + GAP;
-        let frames: Vec<usize> = train.clone().filter(|&frame| !is_near(frame)).collect();
-        let examples =
-            super::sequence::examples_of_frames(sequence, camera, &masks, &frames, &motion, config)?;
-        let predictor =
-            fit_predictor(&examples, &motion.rest, training_of(sequence, camera, &examples)?, config)?;
+        let chosen: Vec<usize> = train.clone().filter(|&frame| !is_near(frame)).collect();
+        let examples = examples_of_frames(frames, &chosen, config)?;
+        let predictor = fit_predictor(&examples, &motion.rest, training_of(frames, &examples)?, config)?;
         for frame in fold {
             let Some(markers) = &sequence.markers[frame] else { continue };
             let pose = &motion.motion.poses[frame - train.start];

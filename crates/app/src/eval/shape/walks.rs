@@ -1,6 +1,5 @@
 //! People who walk, and the bodies that the program finds for them.
 
-
 use body::{BodyModel, Sex};
 use rayon::prelude::*;
 use silhouette::Mask;
@@ -71,7 +70,8 @@ pub fn fit_people(
 /// `count` people of `candidates`, spread over them, as many women as men.
 pub fn choose_people(truths: &[Truth], candidates: &[usize], count: usize) -> Vec<usize> {
     let of_sex = |sex: Sex, count: usize| -> Vec<usize> {
-        let all: Vec<usize> = candidates.iter().copied().filter(|&person| truths[person].sex == sex).collect();
+        let all: Vec<usize> =
+            candidates.iter().copied().filter(|&person| truths[person].sex == sex).collect();
         let count = count.min(all.len());
         (0..count).map(|k| all[k * all.len() / count]).collect()
     };

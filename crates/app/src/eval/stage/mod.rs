@@ -23,18 +23,19 @@ pub use self::recovery::RecoveryRow;
 use self::score::{TrackErrors, TrueFrame, moving_dofs, score};
 use super::joint_error::mean;
 use super::write_json;
-use crate::config::{ExecConfig, Method, Motion, TrackConfig, TrackParams};
+use crate::config::{ExecConfig, Method, TrackConfig, TrackParams};
 use crate::predict::{PosePredictor, TransitionPredictor};
 use crate::progress::Progress;
 use crate::run_folder::FrameRecord;
 use crate::stage::{FittedSequence, Sequence, fit_sequence, personal_joints};
 use crate::track::follower::Follower;
-use crate::track::pose_model::{FreeJoints, JointComponents, PoseModel};
+use crate::track::pose_model::{FreeJoints, PoseModel, pose_model};
+use crate::track::refine::Refiner;
 use crate::track::tracker::Scene;
-use crate::train::{TrainConfig, sequence_masks, train_on_sequence, train_transitions};
+use crate::train::{
+    TrainConfig, TrainingFrames, first_markers, sequence_masks, train_on_sequence, train_transitions,
+};
 
-/// Frames whose mean bone lengths are the subject's.
-const LENGTH_FRAMES: usize = 100;
 /// Masks beyond the current one that a tracker is shown.
 const LOOK_AHEAD: usize = 12;
 /// The camera of most rows.
@@ -67,6 +68,10 @@ pub struct StageEval {
     pub methods: Vec<Method>,
     /// What is learned from.
     pub train: TrainOn,
+    /// Whether to test on the last of the training frames and train on those before them: for tuning.
+    pub validate: bool,
+    /// Where predictors that are trained are kept, and taken from where they are there.
+    pub models: Option<PathBuf>,
     /// Number of seeds, 1, 2, and so on.
     pub seeds: u64,
     /// Whether to study what becomes of a pose that is suddenly wrong.
@@ -212,7 +217,11 @@ fn asked_for(eval: &StageEval) -> anyhow::Result<Vec<Sequence>> {
     let is_kept = |sequence: &Sequence| {
         is_asked(&eval.subjects, &sequence.subject) && is_asked(&eval.activities, &sequence.activity)
     };
-    Ok(all.into_iter().filter(is_kept).collect())
+    let kept = all.into_iter().filter(is_kept);
+    Ok(match eval.validate {
+        true => kept.map(Sequence::for_validation).collect(),
+        false => kept.collect(),
+    })
 }
 
 /// The records of the frames of `range`; `masks` are those of all frames.
@@ -258,59 +267,51 @@ struct Prepared {
     model: Arc<dyn PoseModel>,
     predictor: Option<Arc<PosePredictor>>,
     transitions: Option<Arc<TransitionPredictor>>,
+    refiner: Arc<Refiner>,
 }
 
 impl Prepared {
     fn new(sequence: Sequence, eval: &StageEval) -> anyhow::Result<Self> {
-        let template = BodyModel::builtin().shape_for_stature(sequence.stature_m, None);
-        let fit = |range: std::ops::Range<usize>, with_rotations: bool| -> anyhow::Result<FittedSequence> {
-            let lengths: Vec<_> =
-                sequence.markers[range.clone()].iter().flatten().take(LENGTH_FRAMES).copied().collect();
-            ensure!(!lengths.is_empty(), "{}: no valid joints", sequence.folder.join("joints.csv").display());
-            let rest = personal_joints(template.rest_joints(), &lengths);
-            Ok(fit_sequence(&sequence, range, rest, with_rotations))
-        };
         let test = sequence.test.start
             ..sequence.test.start + eval.frames.unwrap_or(usize::MAX).min(sequence.test.len());
-        let truth = fit(test, false)?;
-        let (model, predictor, transitions): (Arc<dyn PoseModel>, _, _) = match eval.train {
+        let config = TrainConfig::default();
+        let (body, prior, predictor, transitions): (Body, _, _, _) = match eval.train {
             TrainOn::Sequence => {
-                let predictor =
-                    train_on_sequence(&sequence, MAIN_CAMERA, "observed", &TrainConfig::default())?;
-                let motion = fit(sequence.train.clone(), true)?.motion;
-                let prior =
-                    PosePrior::learn(&[motion], "", &PosePriorConfig::default()).with_context(|| {
+                let frames = TrainingFrames::read(&sequence, MAIN_CAMERA, "observed")?;
+                let predictor = predictor_of(&frames, &config, eval)?;
+                let prior_config = PosePriorConfig { mirror: false, ..PosePriorConfig::default() };
+                let prior = PosePrior::learn(&[frames.motion.motion.clone()], "", &prior_config)
+                    .with_context(|| {
                         format!("{}: cannot learn from the training frames", sequence.folder.display())
                     })?;
-                let transitions = if eval.methods.contains(&Method::Opf) {
-                    let config = TrainConfig::default();
-                    Some(Arc::new(train_transitions(
-                        &sequence,
-                        MAIN_CAMERA,
-                        "observed",
-                        &predictor,
-                        &config,
-                    )?))
-                } else {
-                    None
+                let transitions = match eval.methods.contains(&Method::Opf) {
+                    true => Some(Arc::new(train_transitions(&frames, &predictor, &config)?)),
+                    false => None,
                 };
-                let model = JointComponents::new(&prior, eval.config.components as usize);
-                (Arc::new(model), Some(Arc::new(predictor)), transitions)
+                let body = BodyModel::builtin().shape(&frames.shape);
+                (body, prior, Some(Arc::new(predictor)), transitions)
             }
             TrainOn::None => {
-                let prior = PosePrior::builtin();
-                let params = TrackParams::new(eval.config.clone())?;
-                let model: Arc<dyn PoseModel> = match eval.config.motion {
-                    Motion::Any => Arc::new(FreeJoints::new(&prior, params.widening())),
-                    Motion::Captured => {
-                        Arc::new(JointComponents::new(&prior, eval.config.components as usize))
-                    }
-                };
-                (model, None, None)
+                let body = BodyModel::builtin().shape_for_stature(sequence.stature_m, None);
+                (body, PosePrior::builtin(), None, None)
             }
         };
+        let params = TrackParams::new(eval.config.clone())?;
+        let model = pose_model(&prior, &params);
+        let refiner = Arc::new(Refiner::new(&body, FreeJoints::new(&prior, params.widening())));
+        let rest = personal_joints(body.rest_joints(), &first_markers(&sequence, &test)?);
+        let truth = fit_sequence(&sequence, test, rest, false);
         let moving_dofs = moving_dofs(&truth.motion);
-        Ok(Self { body: Arc::new(template), truth, moving_dofs, model, predictor, transitions, sequence })
+        Ok(Self {
+            body: Arc::new(body),
+            truth,
+            moving_dofs,
+            model,
+            predictor,
+            transitions,
+            refiner,
+            sequence,
+        })
     }
 
     /// The rows of one camera and kind of masks: one for each tracker.
@@ -366,6 +367,7 @@ impl Prepared {
             model: self.model.clone(),
             predictor: self.predictor.clone(),
             transitions: self.transitions.clone(),
+            refiner: Some(self.refiner.clone()),
             fps: self.sequence.fps,
             params: TrackParams::new(config)?,
         }))
@@ -399,6 +401,22 @@ impl Prepared {
         }
         score(&kept, &truth, self.body.rest_joints(), &self.moving_dofs)
     }
+}
+
+/// The predictor of a sequence: the one in the folder of models, or a new one, which goes there.
+fn predictor_of(
+    frames: &TrainingFrames<'_>,
+    config: &TrainConfig,
+    eval: &StageEval,
+) -> anyhow::Result<PosePredictor> {
+    let Some(folder) = &eval.models else { return train_on_sequence(frames, config) };
+    let path = folder.join(frames.sequence.model_file_name());
+    if path.is_file() {
+        return PosePredictor::read(&path);
+    }
+    let predictor = train_on_sequence(frames, config)?;
+    predictor.write(&path)?;
+    Ok(predictor)
 }
 
 fn mean_and_spread(seeds: &[SeedErrors]) -> (TrackErrors, TrackErrors) {
