@@ -62,6 +62,35 @@ impl From<Weighting> for pf_core::proposal::Weighting {
     }
 }
 
+/// Settings under one name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Preset {
+    /// Those of the paper: one filter over a few latent coordinates, its answer as the particles give it.
+    Paper,
+    /// Those that measured best here.
+    Best,
+}
+
+impl Preset {
+    /// `config` with its settings in it.
+    pub fn over(self, config: TrackConfig) -> TrackConfig {
+        match self {
+            Self::Best => config,
+            Self::Paper => TrackConfig {
+                particles: 200,
+                layers: 10,
+                modes: 1,
+                weighting: Weighting::Paper,
+                motion: Motion::Captured,
+                components: 5,
+                refine_steps: 0,
+                travel_weight: 0.0,
+                ..config
+            },
+        }
+    }
+}
+
 /// Settings of a tracking run, unchecked; every default of the product stands here.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -88,8 +117,8 @@ pub struct TrackConfig {
     pub motion: Motion,
     /// Principal components kept by [`Motion::Captured`].
     pub components: u32,
-    /// Stature of the person, metres.
-    pub stature_m: f64,
+    /// Stature of the person, metres; measured on the first masks when absent.
+    pub stature_m: Option<f64>,
     /// Heading of the person on the first frame, degrees anticlockwise from world +x; searched for when absent.
     pub initial_heading_deg: Option<f64>,
     /// Height to which the person is scaled before the overlap is counted, pixels.
@@ -110,6 +139,8 @@ pub struct TrackConfig {
     pub refine_steps: u32,
     /// Weight of the Gaussian prior over joint angles in the log-likelihood.
     pub prior_weight: f64,
+    /// What the log-likelihood gains when somebody who walks faces the way they go, and loses when they face away from it.
+    pub travel_weight: f64,
     /// Diffusion of the first layer, in standard deviations of the motion from one frame to the next.
     pub diffusion: f64,
     /// Ratio of the diffusion of one layer and the layer before.
@@ -140,7 +171,7 @@ impl Default for TrackConfig {
             cue_exponent: 0.35,
             motion: Motion::Any,
             components: 12,
-            stature_m: 1.78,
+            stature_m: None,
             initial_heading_deg: None,
             working_height_px: 360.0,
             sharpness: 150.0,
@@ -151,6 +182,7 @@ impl Default for TrackConfig {
             frees_clavicles: true,
             refine_steps: 4,
             prior_weight: 1.0,
+            travel_weight: 8.0,
             diffusion: 3.0,
             diffusion_ratio: 0.8,
             exchange_share: 0.3,
@@ -198,7 +230,9 @@ impl TrackParams {
         )?;
         check("least_share", c.least_share, 1e-6..=0.5, "0.000001 to 0.5")?;
         check("cue_exponent", c.cue_exponent, 0.0..=1.0, "0 to 1")?;
-        check("stature_m", c.stature_m, 1.2..=2.3, "1.2 to 2.3 metres")?;
+        if let Some(stature_m) = c.stature_m {
+            check("stature_m", stature_m, 1.2..=2.3, "1.2 to 2.3 metres")?;
+        }
         if let Some(heading) = c.initial_heading_deg {
             check("initial_heading_deg", heading, -360.0..=360.0, "-360 to 360 degrees")?;
         }
@@ -209,6 +243,7 @@ impl TrackParams {
         check("least_sd", c.least_sd, 0.001..=1.0, "0.001 to 1")?;
         check("least_step", c.least_step, 0.0..=1.0, "0 to 1")?;
         check("prior_weight", c.prior_weight, 0.0..=10.0, "0 to 10")?;
+        check("travel_weight", c.travel_weight, 0.0..=1000.0, "0 to 1000")?;
         check("diffusion", c.diffusion, 0.01..=100.0, "0.01 to 100")?;
         check("diffusion_ratio", c.diffusion_ratio, 0.05..=1.0, "0.05 to 1")?;
         check("exchange_share", c.exchange_share, 0.0..=1.0, "0 to 1")?;
@@ -269,7 +304,7 @@ mod tests {
 
     #[test]
     fn nan_and_out_of_range_values_are_named() {
-        let bad = TrackConfig { stature_m: f64::NAN, ..TrackConfig::default() };
+        let bad = TrackConfig { stature_m: Some(f64::NAN), ..TrackConfig::default() };
         let error = TrackParams::new(bad).expect_err("NaN is outside every range");
         assert_eq!(error.to_string(), "settings: `stature_m` is NaN, expected 1.2 to 2.3 metres");
         let bad = TrackConfig { particles: 1, ..TrackConfig::default() };

@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::track::{exec_config, report};
 use crate::config::TrackConfig;
+use crate::predict::Activity;
 use crate::progress::note;
 use crate::run_folder::Existing;
 use crate::track::{CameraChoice, ClipInput, TrackJob, track_clip};
@@ -34,6 +35,8 @@ pub fn run(args: &DemoArgs) -> anyhow::Result<()> {
         camera: CameraChoice::File(data.join("camera.toml")),
         out: args.out.clone(),
         config: TrackConfig::default(),
+        predictor: None,
+        activity: Activity::Any,
         frames: None,
         fps: None,
         redact: false,

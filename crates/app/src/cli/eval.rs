@@ -244,7 +244,7 @@ pub fn run(command: &EvalCommand) -> anyhow::Result<()> {
                 recovery: args.recovery,
                 frames: args.frames,
                 out: args.out.clone(),
-                config: args.settings.config_over(stage::default_config())?,
+                config: args.settings.config_over(stage::default_config(args.train))?,
                 exec: exec_config(args.threads)?,
             })?;
             stage::table(&report)

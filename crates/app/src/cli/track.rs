@@ -6,7 +6,8 @@ use anyhow::{Context as _, bail};
 use clap::Args;
 
 use super::shape::{self, ShapeOptions};
-use crate::config::{ExecConfig, Method, Motion, TrackConfig, Weighting};
+use crate::config::{ExecConfig, Method, Motion, Preset, TrackConfig, Weighting};
+use crate::predict::Activity;
 use crate::progress::note;
 use crate::run_folder::Existing;
 use crate::track::{Background, CameraChoice, ClipInput, TrackJob, TrackOutcome, track_clip};
@@ -43,6 +44,12 @@ pub struct TrackArgs {
     /// Frames a second [default: as the camera file or the video says, else 60].
     #[arg(long, value_name = "RATE")]
     fps: Option<f64>,
+    /// A predictor of poses that `umbra train` made [default: the one that the program carries].
+    #[arg(long, value_name = "FILE")]
+    predictor: Option<PathBuf>,
+    /// What the person does: a predictor that was trained for something else is refused.
+    #[arg(long, value_enum, default_value_t = Activity::Any)]
+    activity: Activity,
     /// Leave source frames out of everything that is written.
     #[arg(long)]
     redact: bool,
@@ -85,6 +92,9 @@ const SETTINGS: &str = "Settings";
 #[derive(Debug, Default, Args)]
 #[command(next_help_heading = SETTINGS)]
 pub struct SettingsArgs {
+    /// Settings to begin with [default: best].
+    #[arg(long, value_enum)]
+    preset: Option<Preset>,
     /// A TOML file of settings, named as in the table `settings` of a run.toml.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
@@ -103,7 +113,8 @@ pub struct SettingsArgs {
     /// Motions that are expected [default: any].
     #[arg(long, value_enum)]
     motion: Option<Motion>,
-    #[arg(long, value_name = "M", help = or_else("Stature of the person in metres", defaults().stature_m))]
+    /// Stature of the person in metres [default: as the first masks show it].
+    #[arg(long, value_name = "M")]
     stature_m: Option<f64>,
 }
 
@@ -117,28 +128,30 @@ fn or_else(what: &str, value: impl std::fmt::Display) -> String {
 }
 
 impl SettingsArgs {
-    /// The settings of the file, if one is given, under those of the command line.
+    /// The settings of the preset, under those of the file if one is given, under those of the command line.
     pub fn config(&self) -> anyhow::Result<TrackConfig> {
         self.config_over(TrackConfig::default())
     }
 
     /// The same, with other defaults.
     pub fn config_over(&self, defaults: TrackConfig) -> anyhow::Result<TrackConfig> {
-        let mut config = match &self.config {
-            None => defaults,
-            Some(path) => {
-                let text = std::fs::read_to_string(path)
-                    .with_context(|| format!("{}: cannot read the settings", path.display()))?;
-                toml::from_str(&text).with_context(|| format!("{}: not settings", path.display()))?
-            }
-        };
+        let mut config = self.preset.unwrap_or(Preset::Best).over(defaults);
+        if let Some(path) = &self.config {
+            let text = std::fs::read_to_string(path)
+                .with_context(|| format!("{}: cannot read the settings", path.display()))?;
+            let told: toml::Table =
+                toml::from_str(&text).with_context(|| format!("{}: not settings", path.display()))?;
+            let mut table = toml::Table::try_from(&config).context("the settings as TOML")?;
+            table.extend(told);
+            config = table.try_into().with_context(|| format!("{}: not settings", path.display()))?;
+        }
         set(&mut config.particles, self.particles);
         set(&mut config.layers, self.layers);
         set(&mut config.modes, self.modes);
         set(&mut config.method, self.method);
         set(&mut config.weighting, self.weighting);
         set(&mut config.motion, self.motion);
-        set(&mut config.stature_m, self.stature_m);
+        config.stature_m = self.stature_m.or(config.stature_m);
         Ok(config)
     }
 }
@@ -202,6 +215,8 @@ pub fn run(args: &TrackArgs) -> anyhow::Result<()> {
         camera,
         out: args.out.clone(),
         config,
+        predictor: args.predictor.clone(),
+        activity: args.activity,
         frames: args.frames.clone(),
         fps: args.fps,
         redact: args.redact,

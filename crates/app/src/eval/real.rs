@@ -14,6 +14,7 @@ use super::joint_error::{JointErrors, largest, mean, median};
 use super::reference::{self, JUDGED, ReferenceFrame};
 use super::write_json;
 use crate::config::{ExecConfig, TrackConfig};
+use crate::predict::Activity;
 use crate::run_folder::Existing;
 use crate::track::{Background, CameraChoice, ClipInput, TrackJob, track_clip};
 
@@ -180,6 +181,8 @@ fn run_seed(
         camera: CameraChoice::File(camera_path),
         out: eval.out.join(format!("{start}-seed-{seed}")),
         config: TrackConfig { seed, initial_heading_deg: heading_deg, ..eval.config.clone() },
+        predictor: None,
+        activity: Activity::Any,
         frames: eval.frames.clone(),
         fps: None,
         redact: false,

@@ -47,7 +47,7 @@ pub fn shape_from_masks(
     let Some(survey) = survey(masks, camera, fps) else { return Ok(None) };
     let stature_m = stature_from(&survey);
     let params = TrackParams::new(TrackConfig {
-        stature_m,
+        stature_m: Some(stature_m),
         initial_heading_deg: survey.heading_rad.map(f64::to_degrees),
         ..track.clone()
     })?;

@@ -17,7 +17,7 @@ const ROWS_OF_A_FOOT: f64 = 3.0;
 /// Walked so far, metres, the direction of travel is known.
 const LEAST_TRAVEL_M: f64 = 0.35;
 /// Seconds over which the direction of travel is taken: about a step.
-const TRAVEL_SECS: f64 = 0.9;
+pub const TRAVEL_SECS: f64 = 0.9;
 
 /// What a clip tells at first sight.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,17 +63,16 @@ pub fn survey(masks: &[&Mask], camera: &Camera, fps: f64) -> Option<Survey> {
         let now = frame as f64 / fps;
         let near: Vec<(f64, DVec2)> =
             path.iter().copied().filter(|(secs, _)| (secs - now).abs() <= TRAVEL_SECS / 2.0).collect();
-        let duration = near.last().map_or(0.0, |last| last.0 - near[0].0);
-        let travelled = velocity(&near) * duration;
         if let Some(sighting) = sighting {
-            sighting.heading_rad = (travelled.length() > LEAST_TRAVEL_M).then(|| travelled.to_angle());
+            sighting.heading_rad = direction_of_travel(&near).map(DVec2::to_angle);
         }
     }
     let heading_rad = sightings.iter().flatten().next().and_then(|sighting| sighting.heading_rad);
     Some(Survey { stature_m: heights[heights.len() / 2], heading_rad, sightings })
 }
 
-fn sight(mask: &Mask, camera: &Camera) -> Option<Sighting> {
+/// Where the person on a mask stands, seen once: without a heading. None when they are not whole on it, or not on the floor.
+pub fn sight(mask: &Mask, camera: &Camera) -> Option<Sighting> {
     let person = person_of(mask)?;
     if is_cropped(&person) {
         return None;
@@ -93,6 +92,13 @@ fn sight(mask: &Mask, camera: &Camera) -> Option<Sighting> {
     let direction = head_ray.direction.truncate() / away;
     let place = eye + direction * direction.dot(place - eye);
     Some(Sighting { place, height_m, heading_rad: None })
+}
+
+/// The way through places at times (seconds), in order, unit; none when it is too short to tell.
+pub fn direction_of_travel(places: &[(f64, DVec2)]) -> Option<DVec2> {
+    let duration = places.last()?.0 - places[0].0;
+    let travelled = velocity(places) * duration;
+    (travelled.length() > LEAST_TRAVEL_M).then(|| travelled.normalize())
 }
 
 /// Slope of the places over time by least squares, metres a second.

@@ -14,6 +14,7 @@ use super::likelihood::Observation;
 use super::modes::{Modes, ModesState};
 use super::state::BodySpace;
 use super::tracker::Scene;
+use super::travel::Travel;
 use crate::predict::TransitionPredictor;
 use crate::run_folder::{FrameRecord, Status};
 
@@ -25,6 +26,7 @@ pub struct Follower {
     /// The scene at the resolution of the masks.
     scene: Scene,
     space: BodySpace,
+    travel: Travel,
     following: Option<Following>,
 }
 
@@ -40,6 +42,7 @@ struct Following {
 struct FollowerState {
     scale: f64,
     modes: ModesState,
+    travel: Travel,
     is_lost: bool,
 }
 
@@ -47,7 +50,7 @@ impl Follower {
     /// A follower that has seen nobody yet. The camera of `scene` is at the resolution of the masks.
     pub fn new(scene: Scene) -> Self {
         let space = BodySpace::new(scene.model.clone());
-        Self { scene, space, following: None }
+        Self { scene, space, travel: Travel::default(), following: None }
     }
 
     /// Works on the first of `masks`, that of frame `frame`; the others are those of the frames after it, which a start
@@ -56,6 +59,7 @@ impl Follower {
     /// # Errors
     /// When the masks do not fit the camera.
     pub fn step(&mut self, frame: u64, masks: &[&Mask]) -> anyhow::Result<Option<FrameRecord>> {
+        self.travel.look(frame, masks, &self.scene.camera, self.scene.fps);
         let shows_somebody = masks[0].area() >= LEAST_AREA_PX;
         let must_start = self.following.as_ref().is_none_or(|following| following.is_lost);
         if must_start && shows_somebody {
@@ -100,7 +104,8 @@ impl Follower {
         });
         let describe = |transitions: &Arc<TransitionPredictor>| transitions.describe(mask);
         let description = self.scene.transitions.as_ref().and_then(describe);
-        Observation { mask: reduced(mask, camera), cue, description }
+        let travel = self.travel.direction(frame, self.scene.fps);
+        Observation { mask: reduced(mask, camera), cue, travel, description }
     }
 
     /// Puts `pose` in place of what is believed, as a study of wrong poses does; nothing before somebody was seen.
@@ -117,7 +122,12 @@ impl Follower {
     /// When the state has no form in bytes.
     pub fn checkpoint(&self) -> anyhow::Result<Option<Vec<u8>>> {
         let Some(Following { scale, modes, is_lost }) = &self.following else { return Ok(None) };
-        let state = FollowerState { scale: *scale, modes: modes.checkpoint(), is_lost: *is_lost };
+        let state = FollowerState {
+            scale: *scale,
+            modes: modes.checkpoint(),
+            travel: self.travel.clone(),
+            is_lost: *is_lost,
+        };
         postcard::to_stdvec(&state).map(Some).context("the state of the tracker as bytes")
     }
 
@@ -126,9 +136,10 @@ impl Follower {
     /// # Errors
     /// When the bytes are not a checkpoint.
     pub fn restore(&mut self, checkpoint: &[u8]) -> anyhow::Result<()> {
-        let FollowerState { scale, modes, is_lost } =
+        let FollowerState { scale, modes, travel, is_lost } =
             postcard::from_bytes(checkpoint).context("checkpoint: cannot decode the state of the tracker")?;
         let modes = Modes::resume(&self.scene_at(scale), modes)?;
+        self.travel = travel;
         self.following = Some(Following { scale, modes, is_lost });
         Ok(())
     }

@@ -1,6 +1,7 @@
 //! p(mask|state): the silhouette of the posed body against the mask, and a weak prior on the pose.
 
 use body::Pose;
+use glam::{DVec2, DVec3};
 use pf_core::{Gaussian, Likelihood};
 use rayon::prelude::*;
 use render_gpu::ScoreError;
@@ -20,11 +21,13 @@ pub struct Observation {
     pub mask: Mask,
     /// What the mask alone says of the pose, where a predictor is at hand.
     pub cue: Option<Cue>,
+    /// Which way the person goes, unit, world; none for one who stands.
+    pub travel: Option<DVec2>,
     /// The description of the mask for a predictor of the next pose, where one is at hand.
     pub description: Option<Vec<f64>>,
 }
 
-/// ln p(r|x) = -sharpness (1 - IoU) + prior_weight ln p(pose); under the joint likelihood model
+/// ln p(r|x) = -sharpness (1 - IoU) + prior_weight ln p(pose) + travel_weight cos(angle between facing and going); under the joint likelihood model
 /// (1 - b) ln p(r|x) + b ln p_B(x|r) with the density p_B of the [`Cue`].
 ///
 /// Intersection over union punishes the body outside the mask and the mask left unexplained alike, so that neither a
@@ -35,6 +38,7 @@ pub struct SilhouetteLikelihood {
     pub overlap: BodyOverlap,
     sharpness: f64,
     prior_weight: f64,
+    travel_weight: f64,
     cue: Option<CueTerm>,
     poses: Vec<Pose>,
 }
@@ -55,9 +59,10 @@ impl SilhouetteLikelihood {
         overlap: BodyOverlap,
         sharpness: f64,
         prior_weight: f64,
+        travel_weight: f64,
         cue: Option<CueTerm>,
     ) -> Self {
-        Self { space, overlap, sharpness, prior_weight, cue, poses: Vec::new() }
+        Self { space, overlap, sharpness, prior_weight, travel_weight, cue, poses: Vec::new() }
     }
 }
 
@@ -81,6 +86,12 @@ impl Likelihood<BodyState> for SilhouetteLikelihood {
         let counts = self.overlap.counts(&self.poses)?;
         for (log_likelihood, counts) in out.iter_mut().zip(counts) {
             *log_likelihood = *prior_weight * *log_likelihood - *sharpness * (1.0 - counts.iou());
+        }
+        if let Some(travel) = frame.travel {
+            for (log_likelihood, state) in out.iter_mut().zip(states) {
+                let facing = (state.orientation * DVec3::Z).truncate().normalize_or_zero();
+                *log_likelihood += self.travel_weight * facing.dot(travel);
+            }
         }
         if let (Some(CueTerm { exponent, noise }), Some(cue)) = (&self.cue, &frame.cue) {
             let space = &self.space;

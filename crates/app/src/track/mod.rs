@@ -3,7 +3,7 @@
 //! # Map
 //! [`clip`] masks of a clip · [`camera_choice`] its camera · [`state`] what is estimated · [`pose_model`] what poses are likely ·
 //! [`overlap`], [`likelihood`] how well a state explains a mask · [`moves`], [`limb`] how particles move · [`start`] where they
-//! begin · [`cue`] what the mask alone says · [`proposal`] where a frame's particles come from · [`refine`]
+//! begin · [`cue`] what the mask alone says · [`travel`] which way they go · [`proposal`] where a frame's particles come from · [`refine`]
 //! the last steps to the best pose · [`tracker`] frame after frame · [`modes`] several readings side by side ·
 //! [`follower`] losses and new starts · [`pipeline`] from the input to the run folder
 
@@ -23,6 +23,7 @@ pub mod refine;
 pub mod start;
 pub mod state;
 pub mod tracker;
+pub mod travel;
 
 pub use camera_choice::CameraChoice;
 pub use clip::{Background, ClipInput, ClipReader};

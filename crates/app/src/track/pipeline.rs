@@ -16,9 +16,12 @@ use super::follower::Follower;
 use super::pose_model::{FreeJoints, pose_model};
 use super::refine::Refiner;
 use super::tracker::Scene;
-use crate::config::{ExecConfig, TrackConfig, TrackParams};
+use crate::config::{ExecConfig, Method, TrackConfig, TrackParams};
+use crate::predict::{Activity, PosePredictor};
 use crate::progress::Progress;
 use crate::run_folder::{Existing, FrameRecord, RunHeader, RunInput, RunWriter, Status, WriteRunError};
+use crate::shape::clip::stature_from;
+use crate::shape::survey::survey;
 
 /// Rate of a clip that does not say.
 const DEFAULT_FPS: f64 = 60.0;
@@ -38,6 +41,10 @@ pub struct TrackJob {
     pub out: PathBuf,
     /// Settings.
     pub config: TrackConfig,
+    /// The file of a predictor of poses; the one that the program ships when absent.
+    pub predictor: Option<PathBuf>,
+    /// What the person does.
+    pub activity: Activity,
     /// Frames to track; all when absent.
     pub frames: Option<std::ops::Range<u64>>,
     /// Frames a second, where the input does not say.
@@ -111,10 +118,14 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
         );
     }
     let mut assumptions = known.assumptions;
-    if params.stature_m == TrackConfig::default().stature_m {
-        assumptions.push(format!("a person {} m tall, the default stature", params.stature_m));
-    }
-    let body = Arc::new(BodyModel::builtin().shape_for_stature(params.stature_m, None));
+    let mut window = Window::new(reader, range.clone());
+    window.fill();
+    let stature_m = params.stature_m.unwrap_or_else(|| {
+        let (stature_m, source) = first_stature(&window, &known.camera, fps);
+        assumptions.push(format!("a person {stature_m:.2} m tall, {source}"));
+        stature_m
+    });
+    let body = Arc::new(BodyModel::builtin().shape_for_stature(stature_m, None));
     let header = RunHeader {
         inputs: inputs(job),
         settings: settings_table(job)?,
@@ -126,12 +137,13 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
     };
     let (mut writer, resumed) = RunWriter::open(&job.out, job.existing, header)?;
     let prior = PosePrior::builtin();
+    let predictor = predictor_for(job, &known.camera, &mut assumptions)?;
     let mut follower = Follower::new(Scene {
         body: body.clone(),
         camera: known.camera,
         model: pose_model(&prior, &params),
         refiner: Some(Arc::new(Refiner::new(&body, FreeJoints::new(&prior, params.widening())))),
-        predictor: None,
+        predictor,
         transitions: None,
         fps,
         params,
@@ -148,8 +160,7 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
         progress.note(&format!("assumed: {assumption}"));
     }
     let first = frames.last().map_or(range.start, |last: &FrameRecord| last.frame + 1);
-    let mut window = Window::new(reader, first..range.end);
-    window.fill();
+    window.skip_to(first);
     let mut unwritten: Option<Unwritten> = None;
     while let Some(frame) = window.frames.front() {
         let index = frame.index;
@@ -201,6 +212,47 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
     }
 }
 
+/// The predictor of poses that the tracker asks: the one of the job, or the one that the program ships. Where it was not trained
+/// for such a camera, none, and the assumptions say so; a predictor that was asked for by name must fit.
+fn predictor_for(
+    job: &TrackJob,
+    camera: &Camera,
+    assumptions: &mut Vec<String>,
+) -> anyhow::Result<Option<Arc<PosePredictor>>> {
+    if !matches!(job.config.method, Method::Jpf | Method::Jlm) {
+        return Ok(None);
+    }
+    let height_m = camera.centre_world().z;
+    if let Some(path) = &job.predictor {
+        let predictor = PosePredictor::read(path)?;
+        predictor
+            .training()
+            .check(height_m, job.activity.name())
+            .with_context(|| format!("{}", path.display()))?;
+        return Ok(Some(Arc::new(predictor)));
+    }
+    let predictor = PosePredictor::builtin();
+    match predictor.training().check(height_m, job.activity.name()) {
+        Ok(()) => Ok(Some(Arc::new(predictor))),
+        Err(reason) => {
+            assumptions.push(format!("nothing of the pose from a single mask: {reason}"));
+            Ok(None)
+        }
+    }
+}
+
+/// Stature of a person of whom nothing is known, metres.
+const DEFAULT_STATURE_M: f64 = 1.78;
+
+/// The stature that the first masks show, or one as good as any, and where it comes from.
+fn first_stature(window: &Window, camera: &Camera, fps: f64) -> (f64, &'static str) {
+    let masks: Vec<&Mask> = window.frames.iter().map(|frame| &frame.mask).collect();
+    match survey(&masks, camera, fps) {
+        Some(survey) => (stature_from(&survey), "measured on the first masks"),
+        None => (DEFAULT_STATURE_M, "as good as any: no first mask shows somebody whole on the floor"),
+    }
+}
+
 /// A frame whose result is known and not yet in the run folder.
 struct Unwritten {
     record: FrameRecord,
@@ -231,6 +283,13 @@ impl Window {
             let frame = self.reader.read();
             self.keep(frame);
         }
+    }
+
+    /// Leaves out the frames before `first`.
+    fn skip_to(&mut self, first: u64) {
+        self.reader.range.start = self.reader.range.start.max(first);
+        self.frames.retain(|frame| frame.index >= first);
+        self.fill();
     }
 
     fn keep(&mut self, frame: Option<ClipFrame>) {
@@ -279,6 +338,9 @@ fn inputs(job: &TrackJob) -> Vec<RunInput> {
                 inputs.push(RunInput { role: "background", path: plate.clone() });
             }
         }
+    }
+    if let Some(path) = &job.predictor {
+        inputs.push(RunInput { role: "predictor", path: path.clone() });
     }
     if let CameraChoice::File(path) = &job.camera {
         inputs.push(RunInput { role: "camera", path: path.clone() });

@@ -181,7 +181,8 @@ impl Tracker {
     }
 }
 
-/// Where a start tries to begin: about a heading that is given; else all around, and where the mask alone suggests.
+/// Where a start tries to begin: about a heading that is given; else all around, the way the person goes, and where the mask
+/// alone suggests.
 fn candidates(scene: &Scene, first: &Observation, heading_rad: Option<f64>) -> Vec<Pose> {
     let facing = |heading_rad: f64| {
         let mut pose = Pose::upright(DVec3::ZERO, heading_rad);
@@ -193,8 +194,9 @@ fn candidates(scene: &Scene, first: &Observation, heading_rad: Option<f64>) -> V
     }
     let space = BodySpace::new(scene.model.clone());
     let around = (0..START_HEADINGS).map(|k| facing(k as f64 * TAU / START_HEADINGS as f64));
+    let ahead = first.travel.map(|travel| facing(travel.to_angle()));
     let suggested = first.cue.iter().flat_map(Cue::modes).map(|mode| space.pose(mode));
-    around.chain(suggested).collect()
+    around.chain(ahead).chain(suggested).collect()
 }
 
 impl Tracker {
@@ -238,6 +240,7 @@ impl Tracker {
             overlap,
             params.sharpness,
             params.prior_weight,
+            params.travel_weight,
             cue_term,
         );
         let walk = RandomWalk::new(noise.clone());
@@ -391,7 +394,12 @@ impl Tracker {
     pub fn coast(&mut self) -> anyhow::Result<FrameRecord> {
         self.unseen += 1;
         let Intrinsics { width, height, .. } = *self.scene.camera.intrinsics();
-        self.filter.predict(&Observation { mask: Mask::new(width, height), cue: None, description: None })?;
+        self.filter.predict(&Observation {
+            mask: Mask::new(width, height),
+            cue: None,
+            travel: None,
+            description: None,
+        })?;
         let is_short = self.unseen <= self.scene.params.coast_frames;
         Ok(self.estimate(if is_short { Status::Coasting } else { Status::Lost }))
     }

@@ -1,15 +1,13 @@
 //! What the training frames of a sequence show: masks, the body that moves, and how it moves.
 
-use anyhow::ensure;
-use body::{BodyModel, RestJoints};
-use nalgebra::{DMatrix, DVector};
-use silhouette::Mask;
 use std::ops::Range;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, ensure};
+use body::BodyModel;
+use silhouette::Mask;
 
 use crate::input::MaskFolder;
-use crate::shape::{ShapeConfig, ShapeFit, ShapeFrame, fit_shape};
+use crate::shape::{ShapeConfig, ShapeFit, ShapeFrame, Told, fit_shape};
 use crate::stage::{FittedSequence, Markers, Sequence, fit_sequence, markers_of, personal_joints};
 
 /// Frames whose mean bone lengths are the subject's.
@@ -111,8 +109,7 @@ pub fn sequence_masks(
     Ok(masks)
 }
 
-/// The shape whose outlines are those of the training masks in the true poses, and whose bones are as long as the true ones:
-/// the fit to the outlines is the prior of an iterated Kalman update `[Bell1993]` by the lengths between markers and the stature.
+/// The shape whose outlines are those of the training masks in the true poses, and whose bones are as long as the true ones.
 /// Where too few masks show the whole person, the shape that stature and sex suggest.
 fn personal_shape(sequence: &Sequence, camera: &str, masks: &[Mask]) -> anyhow::Result<Vec<f64>> {
     let model = BodyModel::builtin();
@@ -133,49 +130,19 @@ fn personal_shape(sequence: &Sequence, camera: &str, masks: &[Mask]) -> anyhow::
         .collect();
     let config = ShapeConfig::default();
     match fit_shape(&model, &sequence.camera(camera)?, &frames, sequence.fps, sequence.stature_m, &config) {
-        Ok(fit) => Ok(measured(&model, &fit, config.n_shape, &markers, sequence.stature_m)),
+        Ok(fit) => Ok(measured(&model, &fit, &markers, sequence.stature_m)),
         Err(_) => Ok(model.coefficients_for_stature(sequence.stature_m, sequence.sex)),
     }
 }
 
 /// The shape of `fit` given the lengths between `markers` and the stature.
-fn measured(
-    model: &BodyModel,
-    fit: &ShapeFit,
-    n_shape: usize,
-    markers: &[Markers],
-    stature_m: f64,
-) -> Vec<f64> {
-    const STEPS: usize = 3;
-    const DIFFERENCE_SD: f64 = 0.05;
-    let lengths = |markers: &Markers| LENGTHS.map(|(a, b, _)| markers[a].distance(markers[b]));
-    let mut target = DVector::from_element(LENGTHS.len() + 1, stature_m);
-    for (k, _) in LENGTHS.iter().enumerate() {
-        target[k] = markers.iter().map(|frame| lengths(frame)[k]).sum::<f64>() / markers.len() as f64;
-    }
-    let told = |shape: &DVector<f64>| {
-        let body = model.shape(shape.as_slice());
-        let rest: &RestJoints = body.rest_joints();
-        let own = lengths(&markers_of(rest));
-        DVector::from_iterator(target.len(), own.into_iter().chain([body.stature_m()]))
-    };
-    let noise = LENGTHS.iter().map(|(_, _, sd)| *sd).chain([STATURE_SD_M]).map(|sd| sd * sd);
-    let noise = DMatrix::from_diagonal(&DVector::from_iterator(target.len(), noise));
-    let mean = fit.mean.rows(0, n_shape).into_owned();
-    let covariance = fit.covariance.view((0, 0), (n_shape, n_shape)).into_owned();
-    let mut shape = mean.clone();
-    for _ in 0..STEPS {
-        let at = told(&shape);
-        let mut jacobian = DMatrix::zeros(target.len(), n_shape);
-        for k in 0..n_shape {
-            let mut moved = shape.clone();
-            moved[k] += DIFFERENCE_SD;
-            jacobian.set_column(k, &((told(&moved) - &at) / DIFFERENCE_SD));
-        }
-        let innovation_covariance = &jacobian * &covariance * jacobian.transpose() + &noise;
-        let inverse = innovation_covariance.try_inverse().expect("the noise makes it positive definite");
-        let innovation = &target - at + &jacobian * (&shape - &mean);
-        shape = &mean + &covariance * jacobian.transpose() * inverse * innovation;
-    }
-    shape.as_slice().to_vec()
+fn measured(model: &BodyModel, fit: &ShapeFit, markers: &[Markers], stature_m: f64) -> Vec<f64> {
+    let length = |markers: &Markers, (a, b, _): (usize, usize, f64)| markers[a].distance(markers[b]);
+    let mean = |ends| markers.iter().map(|frame| length(frame, ends)).sum::<f64>() / markers.len() as f64;
+    let bones = LENGTHS.iter().map(|&ends| Told { length_m: mean(ends), sd_m: ends.2 });
+    let told: Vec<Told> = bones.chain([Told { length_m: stature_m, sd_m: STATURE_SD_M }]).collect();
+    fit.given(model, &told, |body| {
+        let own = markers_of(body.rest_joints());
+        LENGTHS.iter().map(|&ends| length(&own, ends)).chain([body.stature_m()]).collect()
+    })
 }

@@ -27,6 +27,7 @@ use crate::config::{ExecConfig, Method, TrackConfig, TrackParams};
 use crate::predict::{PosePredictor, TransitionPredictor};
 use crate::progress::Progress;
 use crate::run_folder::FrameRecord;
+use crate::shape::{ShapeConfig, Told, light_tracking, shape_from_masks};
 use crate::stage::{FittedSequence, Sequence, fit_sequence, personal_joints};
 use crate::track::follower::Follower;
 use crate::track::pose_model::{FreeJoints, PoseModel, pose_model};
@@ -189,9 +190,20 @@ fn run(eval: &StageEval) -> anyhow::Result<StageReport> {
     Ok(report)
 }
 
-/// The settings of every run unless others are asked for: one filter of 200 particles and 10 layers, as in the paper.
-pub fn default_config() -> TrackConfig {
-    TrackConfig { modes: 1, ..TrackConfig::default() }
+/// The settings of every run unless others are asked for: one filter of 200 particles and 10 layers, as in the paper. Poses
+/// learned from the person themselves need hardly be widened.
+pub fn default_config(train: TrainOn) -> TrackConfig {
+    let any = TrackConfig { modes: 1, ..TrackConfig::default() };
+    match train {
+        TrainOn::Sequence => TrackConfig {
+            prior_widening: 1.1,
+            least_sd: 0.005,
+            least_step: 0.0005,
+            frees_clavicles: false,
+            ..any
+        },
+        TrainOn::None => any,
+    }
 }
 
 /// The sequences of the subjects and activities that are asked for.
@@ -280,7 +292,7 @@ impl Prepared {
                 let frames = TrainingFrames::read(&sequence, MAIN_CAMERA, "observed")?;
                 let predictor = predictor_of(&frames, &config, eval)?;
                 let prior_config = PosePriorConfig { mirror: false, ..PosePriorConfig::default() };
-                let prior = PosePrior::learn(&[frames.motion.motion.clone()], "", &prior_config)
+                let prior = PosePrior::learn(std::slice::from_ref(&frames.motion.motion), "", &prior_config)
                     .with_context(|| {
                         format!("{}: cannot learn from the training frames", sequence.folder.display())
                     })?;
@@ -292,8 +304,8 @@ impl Prepared {
                 (body, prior, Some(Arc::new(predictor)), transitions)
             }
             TrainOn::None => {
-                let body = BodyModel::builtin().shape_for_stature(sequence.stature_m, None);
-                (body, PosePrior::builtin(), None, None)
+                let body = body_from_masks(&sequence, &test)?;
+                (body, PosePrior::builtin(), Some(Arc::new(PosePredictor::builtin())), None)
             }
         };
         let params = TrackParams::new(eval.config.clone())?;
@@ -360,7 +372,7 @@ impl Prepared {
 
     /// A follower of the person before `camera` that has seen nothing yet.
     fn follower(&self, config: TrackConfig, camera: &str) -> anyhow::Result<Follower> {
-        let config = TrackConfig { stature_m: self.sequence.stature_m, ..config };
+        let config = TrackConfig { stature_m: Some(self.sequence.stature_m), ..config };
         Ok(Follower::new(Scene {
             body: self.body.clone(),
             camera: self.sequence.camera(camera)?,
@@ -401,6 +413,23 @@ impl Prepared {
         }
         score(&kept, &truth, self.body.rest_joints(), &self.moving_dofs)
     }
+}
+
+/// The body that the masks of `range` show before the main camera, as tall as the subject is; where they do not tell, the most
+/// probable one of that stature.
+fn body_from_masks(sequence: &Sequence, range: &std::ops::Range<usize>) -> anyhow::Result<Body> {
+    const STATURE_SD_M: f64 = 0.005;
+    let model = BodyModel::builtin();
+    let camera = cameras_of(sequence)[0];
+    let masks = sequence_masks(sequence, camera, "observed", range)?;
+    let masks: Vec<&Mask> = masks.iter().collect();
+    let camera = sequence.camera(camera)?;
+    let (track, config) = (light_tracking(), ShapeConfig::default());
+    let told = [Told { length_m: sequence.stature_m, sd_m: STATURE_SD_M }];
+    Ok(match shape_from_masks(&model, &camera, &masks, sequence.fps, &track, &config)? {
+        Some((fit, _)) => model.shape(&fit.given(&model, &told, |body| vec![body.stature_m()])),
+        None => model.shape_for_stature(sequence.stature_m, None),
+    })
 }
 
 /// The predictor of a sequence: the one in the folder of models, or a new one, which goes there.
