@@ -121,8 +121,12 @@ impl Tracker {
         heading_rad: Option<f64>,
     ) -> anyhow::Result<Vec<(Self, f64)>> {
         let n_modes = scene.params.modes as usize;
+        let candidates = candidates(scene, &frames[0], heading_rad);
+        // Rivals that all drew from the predictor would soon be one.
+        let unaided = |seen: &Observation| Observation { cue: None, ..seen.clone() };
+        let frames = &frames.iter().map(unaided).collect::<Vec<_>>();
         let mut rivals = Vec::new();
-        for (stream, candidate) in (0..).zip(candidates(scene, &frames[0], heading_rad)) {
+        for (stream, candidate) in (0..).zip(candidates) {
             rivals.push(Self::start_near(scene.clone(), stream, frame, &frames[0], &candidate)?);
         }
         rivals.sort_by(|(_, a), (_, b)| b.total_cmp(a));
