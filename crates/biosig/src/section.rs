@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 /// A plane that a tape lies in.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,10 +73,10 @@ impl Piece {
         let (u, v) = plane.axes();
         let height = |vertex: u32| heights[vertex as usize];
         let mut cross = |from: u32, to: u32| {
-            let [below, above] = [from, to].map(|vertex| f64::from(height(vertex)) - f64::from(level));
-            let [start, end] =
-                [from, to].map(|vertex| DVec3::from_array(vertices[vertex as usize].map(f64::from)));
-            let crossing = start.lerp(end, below / (below - above)) - plane.point;
+            let above_level = |vertex: u32| f64::from(height(vertex)) - f64::from(level);
+            let share = above_level(from) / (above_level(from) - above_level(to));
+            let [start, end] = [position_of(vertices, from), position_of(vertices, to)];
+            let crossing = start.lerp(end, share) - plane.point;
             out.push([u.dot(crossing), v.dot(crossing)]);
         };
         for &[a, b, c] in &self.triangles {
@@ -94,6 +94,11 @@ impl Piece {
             }
         }
     }
+}
+
+/// Position of a vertex, metres.
+pub(crate) fn position_of(vertices: &[[f32; 3]], vertex: u32) -> DVec3 {
+    Vec3::from_array(vertices[vertex as usize]).as_dvec3()
 }
 
 /// Heights of the vertices along a direction, metres.

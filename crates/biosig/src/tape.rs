@@ -7,7 +7,7 @@ use glam::DVec3;
 use crate::extremum::{bracket, maximum};
 use crate::girth::Girth;
 use crate::hull::{convex_hull, perimeter};
-use crate::section::{Piece, Plane, heights_along};
+use crate::section::{Piece, Plane, heights_along, position_of};
 
 #[cfg(test)]
 mod tests;
@@ -297,10 +297,8 @@ impl Tape {
 
     /// Volume of a closed mesh: signed tetrahedra over its triangles.
     fn volume_m3(&self, vertices: &[[f32; 3]]) -> f64 {
-        let six = |triangle: &[u32; 3]| {
-            let [a, b, c] = triangle.map(|v| DVec3::from_array(vertices[v as usize].map(f64::from)));
-            a.dot(b.cross(c))
-        };
+        let corner = |vertex| position_of(vertices, vertex);
+        let six = |&[a, b, c]: &[u32; 3]| corner(a).dot(corner(b).cross(corner(c)));
         self.triangles.iter().map(six).sum::<f64>() / 6.0
     }
 }
@@ -383,6 +381,6 @@ impl Measuring<'_> {
     }
 
     fn position(&self, vertex: u32) -> DVec3 {
-        DVec3::from_array(self.vertices[vertex as usize].map(f64::from))
+        position_of(self.vertices, vertex)
     }
 }
