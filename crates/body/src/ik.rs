@@ -263,8 +263,9 @@ impl Problem<'_> {
     }
 }
 
-/// The axis of every angle in the world, `[n_dof]`; each is turned by the angles before it at its joint.
-pub(crate) fn world_axes(skeleton: &Skeleton, frames: &JointTransforms, pose: &Pose) -> [DVec3; N_DOF] {
+/// The axis of every angle in the world, `[n_dof]`: each is turned by the angles before it at its joint. `frames` are those
+/// that [`forward_kinematics`] gives for `pose`.
+pub fn world_axes(skeleton: &Skeleton, frames: &JointTransforms, pose: &Pose) -> [DVec3; N_DOF] {
     let mut axes = [DVec3::ZERO; N_DOF];
     for joint in JointId::all() {
         let Some(parent) = joint.parent() else { continue };

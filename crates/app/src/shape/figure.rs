@@ -1,5 +1,6 @@
 //! A body that is linear in its shape, posed, with the derivatives of its points.
 
+use body::ik::world_axes;
 use body::pose::forward_kinematics;
 use body::{BodyModel, JointId, JointTransforms, N_DOF, N_JOINTS, Pose, RestJoints, Skeleton};
 use glam::{DQuat, DVec3};
@@ -131,16 +132,10 @@ impl Figure {
     pub fn posed<'a>(&'a self, rest: &'a Rest, pose: &Pose, clothing_m: f64) -> Posed<'a> {
         let skeleton = Skeleton::human();
         let frames = forward_kinematics(skeleton, &rest.joints, pose);
-        let mut axes = [DVec3::ZERO; N_DOF];
+        let axes = world_axes(skeleton, &frames, pose);
         let mut joint_steps = vec![DVec3::ZERO; N_JOINTS * self.n_shape];
         for joint in JointId::all() {
             let Some(parent) = joint.parent() else { continue };
-            let mut turned = DQuat::from_mat3(&frames[parent.index()].matrix3);
-            for dof in skeleton.joint(joint).dofs.clone() {
-                let axis = skeleton.dofs()[dof].axis;
-                axes[dof] = turned * axis;
-                turned *= DQuat::from_axis_angle(axis, pose.angles[dof]);
-            }
             for k in 0..self.n_shape {
                 let (own, parents) = (joint.index() * self.n_shape + k, parent.index() * self.n_shape + k);
                 let step = self.joint_basis[own] - self.joint_basis[parents];
@@ -168,7 +163,7 @@ impl Figure {
     }
 }
 
-/// Columns of a derivative: position of the pelvis, its rotation about the world's axes, the joint angles;
+/// Columns of a derivative: position of the pelvis, its rotation about the world's axes, the joint angles.
 pub const N_POSE: usize = 6 + N_DOF;
 
 impl Posed<'_> {
