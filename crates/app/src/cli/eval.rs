@@ -10,6 +10,7 @@ use clap::{Args, Subcommand};
 use super::track::{SettingsArgs, exec_config, parse_frames};
 use crate::config::Method;
 use crate::eval::{biosig, girths, real, register, shape, shape_space, stage, stage_masks};
+use crate::shape::ShapeMethod;
 
 /// What is evaluated.
 #[derive(Debug, Subcommand)]
@@ -112,6 +113,9 @@ pub struct ShapeArgs {
     /// Training people and motion instead: for tuning.
     #[arg(long)]
     training: bool,
+    /// How shapes are found.
+    #[arg(long, value_enum, default_value_t)]
+    search: ShapeMethod,
     /// Where eval.json goes.
     #[arg(long, value_name = "FOLDER", default_value = "runs/eval-shape")]
     out: PathBuf,
@@ -256,6 +260,7 @@ pub fn run(command: &EvalCommand) -> anyhow::Result<()> {
                 stage: data_folder(None, "stage").ok(),
                 motions: data_folder(None, "cmu")?,
                 on_training: args.training,
+                method: args.search,
                 people: args.people,
                 out: args.out.clone(),
             };

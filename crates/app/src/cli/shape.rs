@@ -7,7 +7,7 @@ use clap::Args;
 use super::eval::in_pool;
 use super::track::exec_config;
 use crate::progress::note;
-use crate::shape::{Biosignatures, Known, ShapeConfig, ShapeJob, shape_of_run};
+use crate::shape::{Biosignatures, Known, ShapeConfig, ShapeJob, ShapeMethod, shape_of_run};
 
 /// Arguments of `umbra shape`.
 #[derive(Debug, Args)]
@@ -34,6 +34,9 @@ pub struct ShapeOptions {
     /// Thickness of the clothes over the trunk and the limbs in millimetres.
     #[arg(long, value_name = "MM", default_value_t = 0.0, value_parser = parse_clothing)]
     clothing_mm: f64,
+    /// How the shape is found: `adjust` is the better one, `annealed` that of the paper.
+    #[arg(long, value_enum, default_value_t)]
+    search: ShapeMethod,
     /// Also fit each frame on its own: shape_per_frame.csv.
     #[arg(long)]
     per_frame: bool,
@@ -70,7 +73,7 @@ pub fn fit(
     options: &ShapeOptions,
     threads: Option<usize>,
 ) -> anyhow::Result<()> {
-    let mut config = ShapeConfig::default();
+    let mut config = ShapeConfig { method: options.search, ..ShapeConfig::default() };
     config.adjust.clothing_m[0] = options.clothing_mm / 1e3;
     let known = Known { stature_m, weight_kg: options.weight_kg };
     let job = ShapeJob { config, known, per_frame: options.per_frame };

@@ -7,8 +7,8 @@
 //! that is left is that of the posterior over the shape.
 //!
 //! Deviation: the paper searches the coefficients with the annealed filter and re-estimates the pose for each hypothesis by
-//! Levenberg-Marquardt. Here one step does both for all frames, and gives the covariance with it; the test is
-//! `fit::tests::a_known_body_is_found_again`.
+//! Levenberg-Marquardt ([`search`](mod@super::search) does that). Here one step does both for all frames, and gives the
+//! covariance with it; the test is `fit::tests::a_known_body_is_found_again`.
 
 use body::pose_prior::PosePrior;
 use body::{Camera, N_DOF, Pose, Skeleton};
@@ -143,6 +143,11 @@ impl<'a> Adjuster<'a> {
             }
             mean += shape_step;
         }
+        self.assess(views, poses, mean)
+    }
+
+    /// How well a shape in these poses fits `views`, with the curvature of the posterior there. `mean` is that of [`Adjusted`].
+    pub fn assess(&self, views: &[View<'_>], poses: Vec<Pose>, mean: DVector<f64>) -> Adjusted {
         let system = self.reduce(views, &poses, &mean, self.config.gate_px[1]);
         let covariance =
             system.curvature.clone().try_inverse().expect("the prior makes it positive definite");
@@ -151,17 +156,38 @@ impl<'a> Adjuster<'a> {
         Adjusted { mean, covariance, poses, misfit_px, lowest_m }
     }
 
+    /// The body that is adjusted.
+    pub fn figure(&self) -> &'a Figure {
+        self.figure
+    }
+
+    /// The camera that sees it.
+    pub fn camera(&self) -> &'a Camera {
+        self.camera
+    }
+
+    /// Settings.
+    pub fn config(&self) -> &AdjustConfig {
+        &self.config
+    }
+
     /// Adjusts the pose alone, for a body of fixed shape: the pose and minus its log posterior, up to a constant.
     pub fn adjust_pose(&self, view: &View<'_>, rest: &Rest, steps: usize) -> (Pose, f64) {
-        let clothing_m = self.config.clothing_m[0];
+        let pose = self.fit_pose(view, rest, steps);
+        let last = self.frame_equations(view, &pose, rest, self.config.clothing_m[0], self.config.gate_px[1]);
+        (pose, last.cost)
+    }
+
+    /// The pose alone, as by [`adjust_pose`](Self::adjust_pose).
+    pub fn fit_pose(&self, view: &View<'_>, rest: &Rest, steps: usize) -> Pose {
         let mut pose = view.pose.clone();
         for step in 0..steps {
-            let frame = self.frame_equations(view, &pose, rest, clothing_m, self.gate_px(step, steps));
+            let gate_px = self.gate_px(step, steps);
+            let frame = self.frame_equations(view, &pose, rest, self.config.clothing_m[0], gate_px);
             let reduced = ReducedFrame::of(frame);
             pose = stepped(&pose, reduced.pose_step(&DVector::zeros(self.figure.n_shape() + 1)).as_slice());
         }
-        let last = self.frame_equations(view, &pose, rest, clothing_m, self.config.gate_px[1]);
-        (pose, last.cost)
+        pose
     }
 
     /// The gate narrows from step to step.
@@ -286,6 +312,13 @@ impl<'a> Adjuster<'a> {
         equations.lowest_m = posed.vertices[lowest].z;
         let off_m = equations.lowest_m - height_m;
         equations.add(off_m, weight * sd_m.powi(-2), self.config.floor_gate_m);
+    }
+
+    /// Minus the log-likelihood of a lowest point at this height above the floor, up to a constant.
+    pub fn floor_cost(&self, lowest_m: f64) -> f64 {
+        let [height_m, sd_m] = self.config.floor_m;
+        let off_m = lowest_m - height_m;
+        0.5 * (off_m / sd_m).powi(2) / (1.0 + (off_m / self.config.floor_gate_m).powi(2))
     }
 
     fn add_pose_prior(&self, equations: &mut Accumulator, pose: &Pose) {

@@ -6,9 +6,10 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use silhouette::Mask;
 
-use super::adjust::{AdjustConfig, Adjuster, View};
+use super::adjust::{AdjustConfig, Adjusted, Adjuster, View};
 use super::figure::{Figure, Rest};
 use super::rim::Seen;
+use super::search::{SearchConfig, search};
 use super::survey::Sighting;
 
 /// Settings of a shape fit.
@@ -22,8 +23,22 @@ pub struct ShapeConfig {
     pub least_frames: usize,
     /// Seconds after which a frame tells something new.
     pub correlation_secs: f64,
+    /// How the shape is found.
+    pub method: ShapeMethod,
     /// Of the adjustment.
     pub adjust: AdjustConfig,
+    /// Of the search.
+    pub search: SearchConfig,
+}
+
+/// How the shape is found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum ShapeMethod {
+    /// Shape and poses of all frames adjusted together to the outlines.
+    #[default]
+    Adjust,
+    /// An annealed particle filter over the shape coefficients, each hypothesis posed anew, as in the paper.
+    Annealed,
 }
 
 impl Default for ShapeConfig {
@@ -33,7 +48,9 @@ impl Default for ShapeConfig {
             n_frames: 16,
             least_frames: 4,
             correlation_secs: 0.15,
+            method: ShapeMethod::default(),
             adjust: AdjustConfig::default(),
+            search: SearchConfig::default(),
         }
     }
 }
@@ -107,7 +124,7 @@ pub fn fit_shape(
     let rest = figure.rest(start);
     let adjuster = Adjuster::new(&figure, camera, config.adjust.clone());
     let poses = used.par_iter().map(|(frame, seen)| best_start(&adjuster, &rest, frame, seen)).collect();
-    let first = adjuster.adjust(&views(&used, poses, fps, config), start);
+    let first = found(&adjuster, &used, poses, fps, start, config);
 
     let keep = well_fitted(&first.misfit_px);
     let mut places = keep.iter();
@@ -116,7 +133,7 @@ pub fn fit_shape(
     let steps = config.adjust.steps / 2;
     let finisher = Adjuster::new(&figure, camera, AdjustConfig { steps, ..config.adjust.clone() });
     let shape = &first.mean.as_slice()[..config.n_shape];
-    let last = finisher.adjust(&views(&used, poses, fps, config), shape);
+    let last = found(&finisher, &used, poses, fps, shape, config);
     Ok(ShapeFit {
         shape: last.mean.as_slice()[..config.n_shape].to_vec(),
         mean: last.mean,
@@ -125,6 +142,25 @@ pub fn fit_shape(
         misfit_px: last.misfit_px,
         lowest_m: last.lowest_m,
     })
+}
+
+/// The shape, by the method of `config`, from `shape` and `poses` on.
+fn found(
+    adjuster: &Adjuster<'_>,
+    used: &[(&ShapeFrame, Seen)],
+    poses: Vec<Pose>,
+    fps: f64,
+    shape: &[f64],
+    config: &ShapeConfig,
+) -> Adjusted {
+    let views = views(used, poses, fps, config);
+    match config.method {
+        ShapeMethod::Adjust => adjuster.adjust(&views, shape),
+        ShapeMethod::Annealed => {
+            let masks: Vec<&Mask> = used.iter().map(|(frame, _)| &frame.mask).collect();
+            search(adjuster, &views, &masks, shape, &config.search)
+        }
+    }
 }
 
 /// The frames on which the person is seen from head to foot.

@@ -1,6 +1,11 @@
 //! Learns the predictor: first from bodies, then from fits to walks of some of them.
+//!
+//! What a fit does to coefficients depends on how a person walks, and there are few recorded walkers. So corrections are chosen,
+//! and errors told, by what is predicted for the walks of a walker none of whose walks was learned from.
 
-use nalgebra::{Cholesky, DMatrix, DVector};
+use std::collections::BTreeMap;
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::fit::ShapeFit;
 use super::predict::{Line, PredictorFile, Quantity, VERSION, sex_score};
@@ -20,6 +25,8 @@ pub struct KnownFit<'a> {
     pub fit: ShapeFit,
     /// What is true.
     pub truth: &'a Truth,
+    /// Whose recorded motion the person walks with.
+    pub walker: String,
 }
 
 /// What a line predicts, from what is true.
@@ -38,9 +45,11 @@ const QUANTILE_95: f64 = 1.644_853_626_951_472;
 /// Learns a predictor on the first `n_shape` coefficients.
 ///
 /// # Panics
-/// With fewer than ten walks, or fewer bodies than coefficients.
+/// With fewer than ten walks or two walkers, or fewer bodies than coefficients.
 pub fn learn(bodies: &[KnownBody<'_>], walks: &[KnownFit<'_>], n_shape: usize) -> PredictorFile {
     assert!(walks.len() >= 10 && bodies.len() > n_shape, "{} walks, {} bodies", walks.len(), bodies.len());
+    let groups = walks_of_each(walks.iter().map(|walk| &walk.walker[..]));
+    assert!(groups.len() >= 2, "all walks are of one walker");
     let quantities = Quantity::ALL.map(|quantity| {
         let of: Target = Box::new(move |truth| quantity.of(truth));
         (quantity.name().to_owned(), of)
@@ -52,9 +61,12 @@ pub fn learn(bodies: &[KnownBody<'_>], walks: &[KnownFit<'_>], n_shape: usize) -
     for (name, of) in quantities.into_iter().chain([("sex".to_owned(), sex)]) {
         let known = DVector::from_iterator(bodies.len(), bodies.iter().map(|body| of(body.truth)));
         let truths = DVector::from_iterator(walks.len(), walks.iter().map(|walk| of(walk.truth)));
-        let plain = ridge(&body_design, &known, 1.0).0;
+        let plain = Ridge::new(&body_design, 1.0).weights(&known);
         let residuals = &truths - &walk_design * &plain;
-        let fits = RIDGES.map(|weight| ridge(&walk_design, &residuals, weight));
+        let fits = RIDGES.map(|weight| {
+            let ridge = Ridge::new(&walk_design, weight);
+            (ridge.weights(&residuals), ridge.left_out_errors(&residuals, &groups))
+        });
         let best = fits.into_iter().min_by(|a, b| a.1.norm().total_cmp(&b.1.norm())).expect("there are some");
         let weights = plain + &best.0;
         let mut line = Line {
@@ -96,22 +108,49 @@ fn design<'a>(shapes: impl ExactSizeIterator<Item = &'a [f64]>, n_shape: usize) 
     DMatrix::from_row_iterator(rows, n_shape + 1, values)
 }
 
-/// Weights of a ridge regression whose intercept is free, and the errors left out one at a time: truth less prediction.
-fn ridge(design: &DMatrix<f64>, targets: &DVector<f64>, weight: f64) -> (DVector<f64>, DVector<f64>) {
-    let mut normal = design.tr_mul(design);
-    for k in 1..design.ncols() {
-        normal[(k, k)] += weight;
+/// The places of each walker's walks.
+fn walks_of_each<'a>(walkers: impl Iterator<Item = &'a str>) -> Vec<Vec<usize>> {
+    let mut places: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    for (place, walker) in walkers.enumerate() {
+        places.entry(walker).or_default().push(place);
     }
-    let factor = Cholesky::new(normal).expect("the ridge makes it positive definite");
-    let weights = factor.solve(&design.tr_mul(targets));
-    let residuals = targets - design * &weights;
-    let responses = factor.solve(&design.transpose());
-    let left_out = residuals.iter().enumerate().map(|(row, residual)| {
-        let leverage = design.row(row).dot(&responses.column(row).transpose());
-        residual / (1.0 - leverage)
-    });
-    let left_out = DVector::from_iterator(residuals.len(), left_out);
-    (weights, left_out)
+    places.into_values().collect()
+}
+
+/// A ridge regression whose intercept is free.
+struct Ridge<'a> {
+    design: &'a DMatrix<f64>,
+    factor: Cholesky<f64, Dyn>,
+}
+
+impl<'a> Ridge<'a> {
+    fn new(design: &'a DMatrix<f64>, weight: f64) -> Self {
+        let mut normal = design.tr_mul(design);
+        for k in 1..design.ncols() {
+            normal[(k, k)] += weight;
+        }
+        Self { design, factor: Cholesky::new(normal).expect("the ridge makes it positive definite") }
+    }
+
+    fn weights(&self, targets: &DVector<f64>) -> DVector<f64> {
+        self.factor.solve(&self.design.tr_mul(targets))
+    }
+
+    /// Target less prediction for the rows of each group, by weights learned from the others: (I − H)⁻¹ times the residuals, where H
+    /// is the group's block of the matrix that takes targets to predictions.
+    fn left_out_errors(&self, targets: &DVector<f64>, groups: &[Vec<usize>]) -> DVector<f64> {
+        let residuals = targets - self.design * self.weights(targets);
+        let mut errors = residuals.clone();
+        for rows in groups {
+            let own = self.design.select_rows(rows);
+            let unexplained =
+                DMatrix::identity(rows.len(), rows.len()) - &own * self.factor.solve(&own.transpose());
+            let left_out = unexplained.lu().solve(&residuals.select_rows(rows));
+            let left_out = left_out.expect("the other rows determine the weights");
+            rows.iter().zip(&left_out).for_each(|(&row, error)| errors[row] = *error);
+        }
+        errors
+    }
 }
 
 /// Variance of the error as a constant and a share of what the fit says, by likelihood; then the width of the interval.
@@ -198,12 +237,34 @@ mod tests {
     }
 
     #[test]
+    fn errors_of_a_group_are_those_of_a_fit_without_it() {
+        let people = people(12, 3);
+        let design = design(people.iter().map(|(_, shape, _)| &shape[..]), N);
+        let targets = DVector::from_iterator(12, people.iter().map(|(truth, ..)| truth.chest_m));
+        let groups = walks_of_each(["b", "a", "a", "c", "b", "a", "c", "c", "b", "a", "b", "b"].into_iter());
+        assert_eq!(groups, [vec![1, 2, 5, 9], vec![0, 4, 8, 10, 11], vec![3, 6, 7]]);
+        let errors = Ridge::new(&design, 0.5).left_out_errors(&targets, &groups);
+        for rows in &groups {
+            let others: Vec<usize> = (0..12).filter(|row| !rows.contains(row)).collect();
+            let rest = design.select_rows(&others);
+            let weights = Ridge::new(&rest, 0.5).weights(&targets.select_rows(&others));
+            for &row in rows {
+                let expected = targets[row] - (design.row(row) * &weights)[0];
+                assert!((errors[row] - expected).abs() < 1e-12, "row {row}: {} {expected}", errors[row]);
+            }
+        }
+    }
+
+    #[test]
     fn intervals_cover_new_people_and_the_bias_of_the_fit_goes() {
         let (known, walks, new) = (people(300, 0), people(150, 1), people(400, 2));
         let bodies: Vec<KnownBody<'_>> =
             known.iter().map(|(truth, shape, _)| KnownBody { shape: shape.clone(), truth }).collect();
-        let fits: Vec<KnownFit<'_>> =
-            walks.iter().map(|(truth, _, fit)| KnownFit { fit: fit.clone(), truth }).collect();
+        let fits: Vec<KnownFit<'_>> = walks
+            .iter()
+            .enumerate()
+            .map(|(k, (truth, _, fit))| KnownFit { fit: fit.clone(), truth, walker: (k % 7).to_string() })
+            .collect();
         let file = learn(&bodies, &fits, N);
         let predictor = super::super::Predictor::new(file.clone());
         for quantity in [Quantity::Waist, Quantity::Stature] {

@@ -2,7 +2,7 @@
 //!
 //! # Map
 //! [`mod@survey`] what the masks tell at first sight · [`figure`] a body that is linear in its shape · [`rim`] where its silhouette ends ·
-//! [`adjust`] shape and poses fitted together · [`fit`] one body for tracked frames · [`Told`] what else is known of it · [`clip`] the road from masks to a body ·
+//! [`adjust`] shape and poses fitted together · [`mod@search`] the annealed search of the paper · [`fit`] one body for tracked frames · [`Told`] what else is known of it · [`clip`] the road from masks to a body ·
 //! [`predict`] girths, stature, weight, gender · [`learn`] where the predictor comes from · [`run`] the body of a run folder, with its
 //! [`picture`] and mesh ([`mod@glb`])
 
@@ -18,10 +18,11 @@ pub mod picture;
 pub mod predict;
 pub mod rim;
 pub mod run;
+pub mod search;
 pub mod survey;
 
 pub use clip::{light_tracking, shape_from_masks};
-pub use fit::{NoShape, ShapeConfig, ShapeFit, ShapeFrame, fit_shape};
+pub use fit::{NoShape, ShapeConfig, ShapeFit, ShapeFrame, ShapeMethod, fit_shape};
 pub use given::Told;
 pub use predict::{Estimate, Known, Prediction, Predictor, Quantity};
 pub use run::{Biosignatures, ShapeJob, shape_of_run};

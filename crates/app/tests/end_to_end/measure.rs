@@ -76,6 +76,9 @@ fn meshes_in_millimetres_and_spoilt_ones_are_measured_and_it_is_told() {
     let file: serde_json::Value = serde_json::from_str(&fs::read_to_string(json).unwrap()).unwrap();
     assert_eq!(file["unit_of_mesh"], "mm");
     assert_eq!(file["quantities"][1]["name"], "waist");
+    let told = measure(&woman.write("cm.obj", |v| v.map(|x| 100.0 * x)), &with_landmarks).succeeded();
+    assert!(told.stderr.contains("taken as cm"), "{}", told.stderr);
+    assert!((value(&told, "waist") - value(&sound, "waist")).abs() < 0.2, "{}", told.stdout);
 
     // Every corner its own vertex, one triangle twice, one missing.
     let spoilt = woman.path("spoilt.obj");

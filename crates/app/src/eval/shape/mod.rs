@@ -13,9 +13,13 @@ pub mod walks;
 use std::path::PathBuf;
 
 use anyhow::bail;
+use body::BodyModel;
+use body::build::SurfaceFit;
+use glam::Vec3;
 
+use super::joint_error::mean;
 use super::write_json;
-use crate::shape::{Known, Predictor, Quantity, ShapeConfig, light_tracking};
+use crate::shape::{Known, Predictor, Quantity, ShapeConfig, ShapeFit, ShapeMethod, light_tracking};
 use crate::synth::{People, Studio};
 use baseline::Baselines;
 use report::{Score, Scored};
@@ -41,6 +45,8 @@ pub struct ShapeEval {
     pub motions: PathBuf,
     /// Take training people and training motion instead: for tuning.
     pub on_training: bool,
+    /// How shapes are found.
+    pub method: ShapeMethod,
     /// Number of people.
     pub people: usize,
     /// Where `eval.json` goes.
@@ -67,13 +73,24 @@ pub fn evaluate(eval: &ShapeEval) -> anyhow::Result<ShapeReport> {
     if people.len() < 2 {
         bail!("{}: {} people to test, expected 2 at least", folder.display(), people.len());
     }
-    let fits = fit_people(&studio, &people, SEED, &light_tracking(), &ShapeConfig::default(), SINGLE_FRAMES)?;
+    let config = ShapeConfig { method: eval.method, ..ShapeConfig::default() };
+    let fits = fit_people(&studio, &people, SEED, &light_tracking(), &config, SINGLE_FRAMES)?;
     let training = population.data().training_bodies();
     let baselines = Baselines::learn(training.iter().map(|&person| &population.truths()[person]));
     let predictor = Predictor::builtin();
+    let model = BodyModel::builtin();
+    let bodies = studio.people.data();
+    let surface = SurfaceFit::new(bodies, &model.template().source_vertices, model.triangles())?;
     let mut scored = Vec::new();
     for found in &fits {
         let truth = &truths[found.person];
+        let true_body = surface.apply(&bodies.vertices(found.person));
+        let surface_mm = |fit: &ShapeFit| {
+            let body = model.shape(&fit.shape);
+            let vertices = body.rest_vertices().iter().map(|vertex| Vec3::from_array(*vertex).as_dvec3());
+            let distances = vertices.zip(&true_body).map(|(vertex, place)| 1e3 * vertex.distance(*place));
+            mean(distances)
+        };
         let known = |stature: bool, weight: bool| Known {
             stature_m: stature.then_some(truth.stature_m),
             weight_kg: weight.then_some(truth.weight_kg),
@@ -81,6 +98,7 @@ pub fn evaluate(eval: &ShapeEval) -> anyhow::Result<ShapeReport> {
         let predict = |known: Known| found.fit.as_ref().map(|fit| predictor.predict(fit, &known));
         scored.push(Scored {
             truth,
+            surface_mm: found.fit.as_ref().map(surface_mm),
             person: predict(Known::default()),
             with_stature: predict(known(true, false)),
             with_both: predict(known(true, true)),
@@ -89,7 +107,7 @@ pub fn evaluate(eval: &ShapeEval) -> anyhow::Result<ShapeReport> {
         });
     }
     let stage = match &eval.stage {
-        Some(data) => stage::subjects(data, &light_tracking(), &ShapeConfig::default())?,
+        Some(data) => stage::subjects(data, &light_tracking(), &config)?,
         None => Vec::new(),
     };
     let report = ShapeReport::of(&scored, stage, fits.iter().map(|found| found.seconds));

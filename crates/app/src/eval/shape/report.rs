@@ -9,6 +9,7 @@ use body::Sex;
 use serde::Serialize;
 
 use super::stage::StageSubject;
+use crate::eval::joint_error::mean;
 use crate::shape::{Estimate, Prediction, Quantity};
 use crate::synth::Truth;
 
@@ -16,6 +17,8 @@ use crate::synth::Truth;
 pub struct Scored<'a> {
     /// What is true.
     pub truth: &'a Truth,
+    /// Mean distance of the vertices of the fitted body from their true places, at rest, millimetres.
+    pub surface_mm: Option<f64>,
     /// From the whole clip; none when it could not be fitted.
     pub person: Option<Prediction>,
     /// The same with the stature known,
@@ -87,6 +90,8 @@ pub struct ShapeReport {
     pub without_fit: usize,
     /// Seconds a person for tracking and fit: mean.
     pub seconds_per_person: f64,
+    /// Distance of the vertices of the fitted bodies from their true places, at rest: mean, millimetres.
+    pub surface_mm: f64,
     /// Figures.
     pub quantities: Quantities,
     /// Subjects of a stage-like data set, who are in none of the figures above.
@@ -109,6 +114,7 @@ impl ShapeReport {
             people: scored.len(),
             without_fit: scored.len() - fitted.len(),
             seconds_per_person: seconds.sum::<f64>() / scored.len() as f64,
+            surface_mm: mean(scored.iter().filter_map(|scored| scored.surface_mm)),
             quantities: Quantities {
                 scores: scores.into_iter().collect(),
                 gender: GenderScore {
@@ -199,10 +205,10 @@ fn groups(fitted: &[&Scored<'_>], errors: &[f64]) -> BTreeMap<&'static str, f64>
 /// Markdown tables.
 pub fn table(report: &ShapeReport) -> String {
     let mut text = format!(
-        "{} people, {} without a body; {:.1} s a person\n\n\
+        "{} people, {} without a body; {:.1} s a person; surface off by {:.1} mm\n\n\
          | quantity | error | % | bias | worst | inside 90 % | stature known | and weight | one frame | inside 90 % | mean of sex | line on stature | on stature, weight |\n\
          |---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n",
-        report.people, report.without_fit, report.seconds_per_person
+        report.people, report.without_fit, report.seconds_per_person, report.surface_mm
     );
     for quantity in Quantity::ALL {
         let s = &report.quantities.scores[quantity.name()];

@@ -39,7 +39,10 @@ pub fn train(bodies: &Path, motions: &Path, n_people: usize, out: &Path) -> anyh
     let fits = fit_people(&studio, &people, SEED, &light_tracking(), &config, 0)?;
     let walks: Vec<KnownFit<'_>> = fits
         .into_iter()
-        .filter_map(|found| Some(KnownFit { fit: found.fit?, truth: &truths[found.person] }))
+        .filter_map(|found| {
+            let walker = found.walker().to_owned();
+            Some(KnownFit { fit: found.fit?, truth: &truths[found.person], walker })
+        })
         .collect();
     let file = learn(&known, &walks, config.n_shape);
     let path = out.join("umbra-shape.json");

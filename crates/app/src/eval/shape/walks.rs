@@ -13,6 +13,8 @@ use crate::synth::{Studio, Truth};
 pub struct PersonFit {
     /// Index of the person.
     pub person: usize,
+    /// Name of the recording that moves them.
+    pub motion: String,
     /// One body from the whole clip; none when it could not be fitted.
     pub fit: Option<ShapeFit>,
     /// Bodies from some frames, each on its own.
@@ -62,9 +64,16 @@ pub fn fit_people(
         if let Ok(mut progress) = progress.lock() {
             progress.advance();
         }
-        Ok(PersonFit { person, fit: whole, single, seconds })
+        Ok(PersonFit { person, motion: walk.motion, fit: whole, single, seconds })
     };
     people.par_iter().map(fit).collect()
+}
+
+impl PersonFit {
+    /// The recorded person: the part of the recording's name before the number of the trial, as in `35_02`.
+    pub fn walker(&self) -> &str {
+        self.motion.split('_').next().unwrap_or(&self.motion)
+    }
 }
 
 /// `count` people of `candidates`, spread over them, as many women as men.

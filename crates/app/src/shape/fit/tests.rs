@@ -58,6 +58,22 @@ fn a_known_body_is_found_again() {
 }
 
 #[test]
+fn the_annealed_search_comes_nearer_to_a_known_body() {
+    let (stature_m, frames) = frames(4);
+    let model = BodyModel::builtin();
+    let search = SearchConfig { particles: 40, layers: 5, rounds: 2, ..SearchConfig::default() };
+    let config = ShapeConfig { n_shape: 6, method: ShapeMethod::Annealed, search, ..ShapeConfig::default() };
+    let fit = fit_shape(&model, &camera(), &frames, 8.0, 1.72, &config).unwrap();
+    let found = model.shape(&fit.shape);
+    println!("stature {:.3} of {stature_m:.3} m, shape {:.2?}", found.stature_m(), fit.shape);
+    // Forty particles come half of the way, and the same way each time.
+    let off_m = |stature: f64| (stature - stature_m).abs();
+    assert!(off_m(found.stature_m()) < 0.6 * off_m(1.72), "{} instead of {stature_m}", found.stature_m());
+    assert!(fit.covariance.diagonal().iter().all(|variance| *variance > 0.0), "{}", fit.covariance);
+    assert_eq!(fit_shape(&model, &camera(), &frames, 8.0, 1.72, &config).unwrap().shape, fit.shape);
+}
+
+#[test]
 fn more_views_make_it_surer() {
     let (_, frames) = frames(6);
     let model = BodyModel::builtin();
