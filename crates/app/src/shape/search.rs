@@ -44,7 +44,7 @@ pub struct SearchConfig {
 
 impl Default for SearchConfig {
     fn default() -> Self {
-        Self { particles: 60, layers: 6, rounds: 2, sharpness: 300.0, first_sd: 0.8, seed: 0 }
+        Self { particles: 60, layers: 6, rounds: 1, sharpness: 300.0, first_sd: 0.8, seed: 0 }
     }
 }
 
