@@ -239,10 +239,17 @@ fn biosignatures(
         known_stature_m: known.stature_m,
         known_weight_kg: known.weight_kg,
         measurements: measurements.to_vec(),
-        male_probability: Some(prediction.male_probability),
+        male_probability: Some(less_sure(prediction.male_probability, widening)),
         shape: fit.shape.clone(),
         shape_sd: fit.covariance.diagonal().iter().take(n).map(|variance| variance.sqrt()).collect(),
     }
+}
+
+/// A probability when the standard deviation behind it is `widening` times as large: its log-odds go with the inverse of the variance.
+fn less_sure(probability: f64, widening: f64) -> f64 {
+    let probability = probability.clamp(f64::EPSILON, 1.0 - f64::EPSILON);
+    let log_odds = (probability / (1.0 - probability)).ln() / widening.powi(2);
+    1.0 / (1.0 + (-log_odds).exp())
 }
 
 fn without_shape(reason: &NoShape, known: &Known, mut warnings: Vec<String>) -> Biosignatures {

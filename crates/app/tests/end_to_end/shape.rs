@@ -38,8 +38,8 @@ fn a_run_gets_a_body_with_intervals() {
     // A man of 1.83 m and 97 kg.
     let stature_m = measurements[5]["value"].as_f64().expect("a number");
     assert!((1.70..1.95).contains(&stature_m), "{stature_m}");
-    assert!(found["male_probability"].as_f64().is_some_and(|p| p > 0.5));
-    // Twelve frames at 60 Hz show one side.
+    // Twelve frames at 60 Hz show one side: too little to be sure of anything.
+    assert!(found["male_probability"].as_f64().is_some_and(|p| (0.01..0.99).contains(&p)), "{found}");
     assert!(found["warnings"].as_array().expect("a list").iter().any(|w| w.to_string().contains("one side")));
     assert_eq!(&fs::read(out.join("body.glb")).expect("body.glb")[..4], b"glTF");
     assert!(fs::read_to_string(out.join("body.obj")).expect("body.obj").starts_with("v "));
