@@ -28,6 +28,8 @@ pub fn light_tracking() -> TrackConfig {
         particles: 50,
         layers: 6,
         working_height_px: 220.0,
+        // The survey gives the heading, and the predictor was calibrated on walks tracked so.
+        travel_weight: 0.0,
         ..TrackConfig::default()
     }
 }
