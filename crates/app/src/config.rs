@@ -163,7 +163,7 @@ impl Default for TrackConfig {
             seed: 1,
             particles: 200,
             layers: 10,
-            modes: 3,
+            modes: 2,
             method: Method::Jpf,
             weighting: Weighting::Paper,
             cue_share: 0.5,

@@ -32,6 +32,7 @@ pub struct RimPoint {
 }
 
 /// A mask, prepared.
+#[derive(Clone, Debug)]
 pub struct Seen {
     /// Distance from its outline.
     pub field: DistanceField,

@@ -167,8 +167,15 @@ mod tests {
         let noise = Gaussian::diagonal(sd.clone()).expect("the deviations are positive");
         let centre = facing(&space, 0.3);
         let cue = Cue { centres: vec![centre], modes: vec![centre] };
-        let frame = Observation { mask: Mask::new(8, 8), cue: Some(cue), travel: None, description: None };
-        let without = Observation { mask: Mask::new(8, 8), cue: None, travel: None, description: None };
+        let frame = Observation {
+            mask: Mask::new(8, 8),
+            cue: Some(cue),
+            outline: None,
+            travel: None,
+            description: None,
+        };
+        let without =
+            Observation { mask: Mask::new(8, 8), cue: None, outline: None, travel: None, description: None };
         let proposal = BottomUp::new(&sd, noise);
         let mut state = centre;
         let mut delta = vec![0.0; space.dim()];

@@ -17,6 +17,7 @@ use super::tracker::Scene;
 use super::travel::Travel;
 use crate::predict::TransitionPredictor;
 use crate::run_folder::{FrameRecord, Status};
+use crate::shape::rim::Seen;
 
 /// A mask of fewer pixels, at full resolution, shows nobody.
 const LEAST_AREA_PX: u64 = 400;
@@ -105,7 +106,10 @@ impl Follower {
         let describe = |transitions: &Arc<TransitionPredictor>| transitions.describe(mask);
         let description = self.scene.transitions.as_ref().and_then(describe);
         let travel = self.travel.direction(frame, self.scene.fps);
-        Observation { mask: reduced(mask, camera), cue, travel, description }
+        let mask = reduced(mask, camera);
+        let refines = self.scene.refiner.is_some() && self.scene.params.refine_steps > 0;
+        let outline = if refines { Seen::of(&mask).map(Arc::new) } else { None };
+        Observation { mask, cue, outline, travel, description }
     }
 
     /// Puts `pose` in place of what is believed, as a study of wrong poses does; nothing before somebody was seen.

@@ -1,5 +1,7 @@
 //! p(mask|state): the silhouette of the posed body against the mask, and a weak prior on the pose.
 
+use std::sync::Arc;
+
 use body::Pose;
 use glam::{DVec2, DVec3};
 use pf_core::{Gaussian, Likelihood};
@@ -10,6 +12,7 @@ use silhouette::Mask;
 use super::cue::Cue;
 use super::overlap::BodyOverlap;
 use super::state::{BodySpace, BodyState, blank_pose};
+use crate::shape::rim::Seen;
 
 /// States that one task poses: fewer are not worth a task.
 const STATES_A_TASK: usize = 32;
@@ -21,6 +24,8 @@ pub struct Observation {
     pub mask: Mask,
     /// What the mask alone says of the pose, where a predictor is at hand.
     pub cue: Option<Cue>,
+    /// The outline of the mask, for what refines poses.
+    pub outline: Option<Arc<Seen>>,
     /// Which way the person goes, unit, world; none for one who stands.
     pub travel: Option<DVec2>,
     /// The description of the mask for a predictor of the next pose, where one is at hand.

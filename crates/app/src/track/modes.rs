@@ -8,6 +8,7 @@ use body::{N_JOINTS, Pose};
 use glam::DVec3;
 use pf_core::NormalizedWeights;
 use pf_core::estimate::weighted_mean;
+use rayon::prelude::*;
 
 use super::likelihood::Observation;
 use super::state::{BodySpace, BodyState};
@@ -93,11 +94,12 @@ impl Modes {
     /// # Errors
     /// When the mask does not fit the camera.
     pub fn step(&mut self, seen: &Observation) -> anyhow::Result<FrameRecord> {
-        let mut records = Vec::with_capacity(self.modes.len());
-        for Mode { tracker, fit } in &mut self.modes {
-            records.push(tracker.step(seen)?);
+        let step = |Mode { tracker, fit }: &mut Mode| {
+            let record = tracker.step(seen)?;
             *fit = FIT_MEMORY * *fit + (1.0 - FIT_MEMORY) * tracker.fit();
-        }
+            Ok(record)
+        };
+        let records = self.modes.par_iter_mut().map(step).collect::<anyhow::Result<_>>()?;
         self.combine(records)
     }
 

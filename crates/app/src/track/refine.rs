@@ -7,7 +7,6 @@
 
 use body::{Body, BodyModel, Camera, Pose};
 use glam::DVec3;
-use silhouette::Mask;
 
 use super::pose_model::FreeJoints;
 use crate::shape::adjust::{AdjustConfig, Adjuster, View};
@@ -36,10 +35,8 @@ impl Refiner {
         Self { figure: Figure::new(&BodyModel::builtin(), 1), rest, prior }
     }
 
-    /// The pose after `steps` steps from `pose` towards `mask`, which has the size of the camera's image; `None` when nobody is
-    /// on the mask.
-    pub fn refine(&self, camera: &Camera, mask: &Mask, pose: &Pose, steps: usize) -> Option<Pose> {
-        let seen = Seen::of(mask)?;
+    /// The pose after `steps` steps from `pose` towards an outline in the image of `camera`.
+    pub fn refine(&self, camera: &Camera, seen: &Seen, pose: &Pose, steps: usize) -> Pose {
         let config = AdjustConfig {
             floor_m: [0.0, FLOOR_SD_M],
             floor_gate_m: FLOOR_GATE_M,
@@ -52,7 +49,7 @@ impl Refiner {
             self.prior.mean(),
             self.prior.precision().clone(),
         );
-        let view = View { seen: &seen, pose: pose.clone(), weight: 1.0 };
-        Some(adjuster.adjust_pose(&view, &self.rest, steps).0)
+        let view = View { seen, pose: pose.clone(), weight: 1.0 };
+        adjuster.adjust_pose(&view, &self.rest, steps).0
     }
 }

@@ -370,12 +370,12 @@ impl Tracker {
     /// Takes the estimate to the outline of the mask and the particles along with it, where that explains the mask better.
     fn refine(&mut self, seen: &Observation) -> anyhow::Result<()> {
         let steps = self.scene.params.refine_steps as usize;
-        let Some(refiner) = self.scene.refiner.as_deref().filter(|_| steps > 0) else { return Ok(()) };
-        let space = self.filter.space().clone();
-        let mean = weighted_mean(&space, self.filter.particles(), self.filter.weights());
-        let Some(pose) = refiner.refine(&self.scene.camera, &seen.mask, &space.pose(&mean), steps) else {
+        let (Some(refiner), Some(outline)) = (self.scene.refiner.as_deref(), &seen.outline) else {
             return Ok(());
         };
+        let space = self.filter.space().clone();
+        let mean = weighted_mean(&space, self.filter.particles(), self.filter.weights());
+        let pose = refiner.refine(&self.scene.camera, outline, &space.pose(&mean), steps);
         let states = [mean, space.state_from_pose(&pose)];
         let mut log_likelihoods = [0.0; 2];
         self.likelihood.log_likelihoods(seen, &states, &mut log_likelihoods)?;
@@ -401,6 +401,7 @@ impl Tracker {
         self.filter.predict(&Observation {
             mask: Mask::new(width, height),
             cue: None,
+            outline: None,
             travel: None,
             description: None,
         })?;

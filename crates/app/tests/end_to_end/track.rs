@@ -99,7 +99,7 @@ fn a_run_writes_every_file_readable() {
     }
 
     let info = Answer::of(umbra().arg("info").arg(&out)).succeeded();
-    for part in expected.into_iter().chain(["16 frames from frame 2: 16 tracked", "seed = 7", "178 cm tall"])
+    for part in expected.into_iter().chain(["16 frames from frame 2: 16 tracked", "seed = 7", "177 cm tall"])
     {
         assert!(info.stdout.contains(part), "{part:?} is missing:\n{}", info.stdout);
     }

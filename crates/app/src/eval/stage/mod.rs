@@ -191,7 +191,7 @@ fn run(eval: &StageEval) -> anyhow::Result<StageReport> {
 }
 
 /// The settings of every run unless others are asked for: one filter of 200 particles and 10 layers, as in the paper. Poses
-/// learned from the person themselves need hardly be widened.
+/// learned from the person themselves need hardly be widened, and those of other people who walk or box a little.
 pub fn default_config(train: TrainOn) -> TrackConfig {
     let any = TrackConfig { modes: 1, ..TrackConfig::default() };
     match train {
@@ -202,7 +202,13 @@ pub fn default_config(train: TrainOn) -> TrackConfig {
             frees_clavicles: false,
             ..any
         },
-        TrainOn::None => any,
+        TrainOn::None => TrackConfig {
+            prior_widening: 1.1,
+            least_sd: 0.02,
+            least_step: 0.002,
+            frees_clavicles: false,
+            ..any
+        },
     }
 }
 
