@@ -22,8 +22,10 @@ use crate::track::ClipReader;
 const WORKING_HEIGHT_PX: f64 = 320.0;
 /// Version of `biosignatures.json`.
 const VERSION: u32 = 1;
-/// The body turns by less than this before the camera: one side only was seen.
-const LEAST_TURN_RAD: f64 = 0.8;
+/// The body turns by less than this before the camera on most frames: one side only was seen.
+const LEAST_TURN_RAD: f64 = 0.65;
+/// So many of the frames are most: the others may be fitted with a wrong heading.
+const MOST: f64 = 0.8;
 /// What that does to the intervals: the fit does not know how wrong it may be about the side it did not see.
 const ONE_SIDE_WIDENING: f64 = 1.5;
 /// Outlines that lie so far apart, pixels at working height, are a poor fit: synthetic walks lie at 1.0 to 1.3.
@@ -269,8 +271,8 @@ fn without_shape(reason: &NoShape, known: &Known, mut warnings: Vec<String>) -> 
     }
 }
 
-/// How far the person turned before the camera, radians: the longest way round less its largest gap. Front and back look
-/// alike, so that half a turn is all.
+/// How far the person turned before the camera, radians: the least arc that holds the headings of [`MOST`] frames. Front and back
+/// look alike, so that half a turn is all.
 fn turn_seen_rad(fit: &ShapeFit, camera: &Camera) -> f64 {
     let half_turn = std::f64::consts::PI;
     let mut seen: Vec<f64> = fit
@@ -282,9 +284,10 @@ fn turn_seen_rad(fit: &ShapeFit, camera: &Camera) -> f64 {
         })
         .collect();
     seen.sort_by(f64::total_cmp);
-    let gaps = seen.windows(2).map(|pair| pair[1] - pair[0]);
-    let around = half_turn + seen[0] - seen[seen.len() - 1];
-    half_turn - gaps.fold(around, f64::max)
+    let n = seen.len();
+    let held = (MOST * n as f64).ceil() as usize;
+    let arc = |first: usize| (seen[(first + held - 1) % n] - seen[first]).rem_euclid(half_turn);
+    (0..n).map(arc).fold(half_turn, f64::min)
 }
 
 fn write_body(folder: &Path, model: &BodyModel, fit: &ShapeFit) -> anyhow::Result<()> {

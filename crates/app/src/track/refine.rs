@@ -53,3 +53,50 @@ impl Refiner {
         adjuster.adjust_pose(&view, &self.rest, steps).0
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use body::pose_prior::PosePrior;
+    use body::{Intrinsics, JointId, Sex};
+
+    use crate::track::pose_model::Widening;
+    use crate::train::render::render;
+
+    /// The mask is that of a stouter man, so that the outline is not the body's own.
+    #[test]
+    fn a_pose_that_is_off_comes_back_to_the_outline() {
+        let model = BodyModel::builtin();
+        let body = model.shape_for_stature(1.76, Some(Sex::Male));
+        let mut stouter = model.coefficients_for_stature(1.77, Some(Sex::Male));
+        stouter[1] += 0.3;
+        let widening = Widening { factor: 1.3, least_sd: 0.06, least_step: 0.006, frees_clavicles: true };
+        let prior = FreeJoints::new(&PosePrior::builtin(), widening);
+        let mut truth = Pose::upright(DVec3::new(0.1, 0.0, body.rest_joints()[0].y), 0.3);
+        truth.angles.copy_from_slice(prior.mean());
+        let camera = Camera::look_at(
+            Intrinsics::from_focal(640, 480, 700.0).unwrap(),
+            DVec3::new(0.0, -4.0, 1.5),
+            DVec3::new(0.0, 0.0, 0.9),
+        )
+        .unwrap();
+        let outline = Seen::of(&render(&model.shape(&stouter), &truth, &camera).unwrap()).unwrap();
+        let mut off = truth.clone();
+        off.root_position += DVec3::new(0.03, 0.0, 0.02);
+        for angle in &mut off.angles {
+            *angle += 0.06;
+        }
+        off.clamp();
+        let found = Refiner::new(&body, prior).refine(&camera, &outline, &off, 6);
+        // Across the line of sight, along the camera's x and z.
+        let across_mm = |pose: &Pose| {
+            let [own, true_joints] = [pose, &truth].map(|pose| body.joints_world(pose));
+            let limbs = [JointId::LEFT_WRIST, JointId::RIGHT_WRIST, JointId::LEFT_ANKLE, JointId::HEAD];
+            let off =
+                limbs.map(|joint| (own[joint.index()] - true_joints[joint.index()]).with_y(0.0).length());
+            1000.0 * off.iter().sum::<f64>() / off.len() as f64
+        };
+        let (before, after) = (across_mm(&off), across_mm(&found));
+        assert!(before > 40.0 && after < 0.5 * before, "{before} mm before, {after} mm after");
+    }
+}

@@ -124,13 +124,13 @@ fn held_out_bodies_lie_on_the_template() {
     );
     let fit = SurfaceFit::new(&data, &model.template().source_vertices, model.triangles()).unwrap();
     let (mut distances, mut joint_errors) = (Vec::new(), Vec::new());
-    for body in data.held_out() {
+    for (index, body) in data.held_out().into_iter().enumerate() {
         let vertices = data.vertices(body);
         let rebuilt = model.shape(&model.coefficients_of(&fit.apply(&vertices)));
         for (found, expected) in rebuilt.rest_joints().iter().zip(data.joints(body)) {
             joint_errors.push(found.distance(expected));
         }
-        if body % 20 == 0 {
+        if index % 20 == 0 {
             let surface: Vec<DVec3> =
                 rebuilt.rest_vertices().iter().map(|p| DVec3::from_array(p.map(f64::from))).collect();
             let tree = TriangleTree::new(&surface, model.triangles());
