@@ -17,13 +17,12 @@ use pf_core::{
     Filter, FilterConfig, FilterParams, Gaussian, GaussianDiffusion, Likelihood, RandomWalk, StateSpace, Step,
 };
 use rayon::prelude::*;
-use render_gpu::{
-    CpuScorer, Intrinsics, MaskView, MeshBatch, OverlapCounts, RowStep, ScoreError, SilhouetteScorer,
-};
+use render_gpu::{CpuScorer, MeshBatch, OverlapCounts, RowStep, ScoreError, SilhouetteScorer};
 use silhouette::Mask;
 
 use super::adjust::{Adjusted, Adjuster, View};
 use super::figure::Rest;
+use crate::track::overlap::{scorer_intrinsics, scorer_mask};
 
 /// Settings of a search.
 #[derive(Clone, Debug, PartialEq)]
@@ -225,9 +224,7 @@ impl<'a> Likelihood<Vec<f64>> for Overlaps<'a> {
         for (log_likelihood, shape) in out.iter_mut().zip(states) {
             *log_likelihood = -0.5 * shape.iter().map(|c| c * c).sum::<f64>();
         }
-        let body::Intrinsics { width, height, focal_px, principal_point_px, distortion } =
-            *self.adjuster.camera().intrinsics();
-        let lens = Intrinsics { width, height, focal_px, principal_point_px, distortion };
+        let lens = scorer_intrinsics(self.adjuster.camera().intrinsics());
         let vertices_per_mesh = rests[0].vertices.len();
         let mut positions_camera = std::mem::take(&mut self.positions_camera);
         positions_camera.resize(states.len() * vertices_per_mesh, [0.0; 3]);
@@ -237,10 +234,8 @@ impl<'a> Likelihood<Vec<f64>> for Overlaps<'a> {
             bodies.for_each(|((positions, rest), log_likelihood)| {
                 *log_likelihood -= frame.view.weight * self.place(frame, rest, positions);
             });
-            let (mask, words) = (frame.mask, frame.mask.words());
-            let (width, height, words_per_row) = (mask.width(), mask.height(), mask.words_per_row());
             self.scorer
-                .set_target(&MaskView { width, height, words_per_row, words }, &lens)
+                .set_target(&scorer_mask(frame.mask), &lens)
                 .expect("masks have the size of the camera's image");
             let triangles = figure.triangles();
             let batch = MeshBatch { positions_camera: &positions_camera, vertices_per_mesh, triangles };

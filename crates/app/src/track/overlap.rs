@@ -46,13 +46,7 @@ impl BodyOverlap {
     /// # Errors
     /// When the mask has another size than the image of the camera.
     pub fn set_mask(&mut self, mask: &Mask) -> Result<(), TargetError> {
-        let view = MaskView {
-            width: mask.width(),
-            height: mask.height(),
-            words_per_row: mask.words_per_row(),
-            words: mask.words(),
-        };
-        self.scorer.set_target(&view, &scorer_intrinsics(self.camera.intrinsics()))
+        self.scorer.set_target(&scorer_mask(mask), &scorer_intrinsics(self.camera.intrinsics()))
     }
 
     /// The counts of each pose, `[n_poses]`.
@@ -79,8 +73,18 @@ impl BodyOverlap {
     }
 }
 
+/// The same mask in the scorer's type.
+pub fn scorer_mask(mask: &Mask) -> MaskView<'_> {
+    MaskView {
+        width: mask.width(),
+        height: mask.height(),
+        words_per_row: mask.words_per_row(),
+        words: mask.words(),
+    }
+}
+
 /// The same camera in the scorer's type.
-fn scorer_intrinsics(intrinsics: &body::Intrinsics) -> render_gpu::Intrinsics {
+pub fn scorer_intrinsics(intrinsics: &body::Intrinsics) -> render_gpu::Intrinsics {
     render_gpu::Intrinsics {
         width: intrinsics.width,
         height: intrinsics.height,

@@ -31,7 +31,7 @@ const LENGTHS: [(usize, usize, f64); 12] = [
     (16, 17, 0.005),
 ];
 /// Standard deviation of a stature as it is told, metres.
-const STATURE_SD_M: f64 = 0.005;
+pub const STATURE_SD_M: f64 = 0.005;
 
 /// The training frames of a sequence before one camera.
 pub struct TrainingFrames<'a> {

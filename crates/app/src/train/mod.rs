@@ -15,7 +15,7 @@ pub mod validate;
 
 pub use examples::Examples;
 pub use fit::{DescriptorKind, TrainConfig, fit_predictor};
-pub use frames::{TrainingFrames, first_markers, sequence_masks};
+pub use frames::{STATURE_SD_M, TrainingFrames, first_markers, sequence_masks};
 pub use recorded::train_on_recordings;
 pub use sequence::train_on_sequence;
 pub use transition::train_transitions;

@@ -5,12 +5,13 @@ use glam::DQuat;
 use pf_core::rng::{Draw, Purpose, particle_rng};
 use rand::RngExt as _;
 use rayon::prelude::*;
-use render_gpu::{Intrinsics, rasterize};
+use render_gpu::rasterize;
 use silhouette::Mask;
 
 use super::Examples;
 use super::noise::segmentation_noise;
 use crate::predict::ViewedPose;
+use crate::track::overlap::scorer_intrinsics;
 
 /// A rendered body differs from the person's by this many standard deviations in each of the first shape coefficients.
 const SHAPE_SD: f64 = 0.4;
@@ -20,15 +21,7 @@ const SHAPE_COEFFICIENTS: usize = 10;
 pub fn render(body: &Body, pose: &Pose, camera: &Camera) -> Option<Mask> {
     let mut positions = vec![[0.0; 3]; body.n_vertices()];
     body.skin_batch_into(&camera.camera_from_world(), std::slice::from_ref(pose), &mut positions);
-    let of = camera.intrinsics();
-    let intrinsics = Intrinsics {
-        width: of.width,
-        height: of.height,
-        focal_px: of.focal_px,
-        principal_point_px: of.principal_point_px,
-        distortion: of.distortion,
-    };
-    let silhouette = rasterize(&positions, body.triangles(), &intrinsics).ok()?;
+    let silhouette = rasterize(&positions, body.triangles(), &scorer_intrinsics(camera.intrinsics())).ok()?;
     Some(Mask::from_words(silhouette.width, silhouette.height, silhouette.words))
 }
 

@@ -34,7 +34,8 @@ use crate::track::pose_model::{FreeJoints, PoseModel, pose_model};
 use crate::track::refine::Refiner;
 use crate::track::tracker::Scene;
 use crate::train::{
-    TrainConfig, TrainingFrames, first_markers, sequence_masks, train_on_sequence, train_transitions,
+    STATURE_SD_M, TrainConfig, TrainingFrames, first_markers, sequence_masks, train_on_sequence,
+    train_transitions,
 };
 
 /// Masks beyond the current one that a tracker is shown.
@@ -193,22 +194,17 @@ fn run(eval: &StageEval) -> anyhow::Result<StageReport> {
 /// The settings of every run unless others are asked for: one filter of 200 particles and 10 layers, as in the paper. Poses
 /// learned from the person themselves need hardly be widened, and those of other people who walk or box a little.
 pub fn default_config(train: TrainOn) -> TrackConfig {
-    let any = TrackConfig { modes: 1, ..TrackConfig::default() };
-    match train {
-        TrainOn::Sequence => TrackConfig {
-            prior_widening: 1.1,
-            least_sd: 0.005,
-            least_step: 0.0005,
-            frees_clavicles: false,
-            ..any
-        },
-        TrainOn::None => TrackConfig {
-            prior_widening: 1.1,
-            least_sd: 0.02,
-            least_step: 0.002,
-            frees_clavicles: false,
-            ..any
-        },
+    let (least_sd, least_step) = match train {
+        TrainOn::Sequence => (0.005, 0.0005),
+        TrainOn::None => (0.02, 0.002),
+    };
+    TrackConfig {
+        modes: 1,
+        prior_widening: 1.1,
+        least_sd,
+        least_step,
+        frees_clavicles: false,
+        ..TrackConfig::default()
     }
 }
 
@@ -424,7 +420,6 @@ impl Prepared {
 /// The body that the masks of `range` show before the main camera, as tall as the subject is; where they do not tell, the most
 /// probable one of that stature.
 fn body_from_masks(sequence: &Sequence, range: &std::ops::Range<usize>) -> anyhow::Result<Body> {
-    const STATURE_SD_M: f64 = 0.005;
     let model = BodyModel::builtin();
     let camera = cameras_of(sequence)[0];
     let masks = sequence_masks(sequence, camera, "observed", range)?;
