@@ -21,3 +21,4 @@ pub mod survey;
 pub mod synth;
 pub mod track;
 pub mod train;
+pub mod whole_file;

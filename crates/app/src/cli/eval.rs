@@ -76,6 +76,9 @@ pub struct StageArgs {
     /// What the trackers learn from.
     #[arg(long, value_enum, default_value_t = stage::TrainOn::Sequence)]
     train: stage::TrainOn,
+    /// The folder of recorded motion that `others` learns from [default: cmu of the data folder].
+    #[arg(long, value_name = "FOLDER")]
+    recordings: Option<PathBuf>,
     /// Test on the last of the training frames and train on those before them: for tuning.
     #[arg(long)]
     validate: bool,
@@ -243,6 +246,10 @@ pub fn run(command: &EvalCommand) -> anyhow::Result<()> {
                 methods: args.methods.clone(),
                 train: args.train,
                 validate: args.validate,
+                recordings: match (args.train, &args.recordings) {
+                    (stage::TrainOn::Others, None) => Some(data_folder(None, "cmu")?),
+                    (_, given) => given.clone(),
+                },
                 models: args.models.clone(),
                 seeds: args.seeds,
                 recovery: args.recovery,

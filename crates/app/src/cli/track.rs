@@ -47,7 +47,8 @@ pub struct TrackArgs {
     /// A predictor of poses that `umbra train` made [default: the one that the program carries].
     #[arg(long, value_name = "FILE")]
     predictor: Option<PathBuf>,
-    /// What the person does: a predictor that was trained for something else is refused.
+    /// What the person does: poses and settings are those of such people, and a predictor that was trained for something else is
+    /// refused.
     #[arg(long, value_enum, default_value_t = Activity::Any)]
     activity: Activity,
     /// Leave source frames out of everything that is written.
@@ -207,7 +208,7 @@ pub fn run(args: &TrackArgs) -> anyhow::Result<()> {
         (_, true) => Existing::Replace,
         _ => Existing::Refuse,
     };
-    let mut config = args.settings.config()?;
+    let mut config = args.settings.config_over(args.activity.over(TrackConfig::default()))?;
     set(&mut config.seed, args.seed);
     config.initial_heading_deg = args.initial_heading_deg.or(config.initial_heading_deg);
     let job = TrackJob {

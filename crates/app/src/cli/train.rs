@@ -10,12 +10,8 @@ use crate::predict::{Activity, PosePredictor};
 use crate::progress::{Progress, note};
 use crate::stage::Sequence;
 use crate::train::validate::cross_validate;
-use crate::train::{DescriptorKind, TrainConfig, TrainingFrames, train_on_recordings, train_on_sequence};
-
-/// The shipped models have to be small: fewer bases an expert, pose coordinates and sectors.
-const SHIPPED_BASES: usize = 32;
-const SHIPPED_POSE_DIM: usize = 8;
-const SHIPPED_SECTORS: usize = 6;
+use crate::train::{DescriptorKind, Recordings, TrainConfig, TrainingFrames, train_on_sequence};
+use crate::whole_file::write_whole;
 
 /// Arguments of `umbra train`.
 #[derive(Debug, Args)]
@@ -27,7 +23,8 @@ pub struct TrainArgs {
     #[arg(long, value_name = "SEQUENCE", num_args = 1.., required_unless_present = "recordings")]
     sequence: Vec<String>,
     /// Train the models that the program ships instead, on masks rendered from the recorded motion in this folder
-    /// (`cmu`). Models that are in the output folder already are kept: an interrupted training goes on there.
+    /// (`cmu`), and the priors that go with them; with --stage, the motion of its training frames counts, too. Models that are
+    /// in the output folder already are kept: an interrupted training goes on there.
     #[arg(long, value_name = "FOLDER", visible_alias = "cmu", conflicts_with = "sequence")]
     recordings: Option<PathBuf>,
     /// The camera whose masks are learned from.
@@ -114,22 +111,26 @@ pub fn run(args: &TrainArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Every activity that is not in the output folder yet.
-fn train_shipped(recordings: &Path, args: &TrainArgs) -> anyhow::Result<()> {
-    let mut config = args.config();
-    config.experts.mixture.expert.max_bases = SHIPPED_BASES;
-    config.pose_dim = SHIPPED_POSE_DIM;
-    config.experts.n_views = SHIPPED_SECTORS;
+/// Every model that is not in the output folder yet.
+fn train_shipped(folder: &Path, args: &TrainArgs) -> anyhow::Result<()> {
+    let mut recordings = Recordings::read(folder)?;
+    if let Some(stage) = &args.stage {
+        recordings.add_stage(&Sequence::read_all(stage)?, &args.camera)?;
+    }
     let mut progress = Progress::start("training", 0, Some(Activity::ALL.len() as u64));
     for activity in Activity::ALL {
-        let path = args.out.join(format!("predict-{}.bin", activity.name()));
-        if path.is_file() {
-            progress.note(&format!("{}: there already", path.display()));
+        let path = |kind: &str| args.out.join(format!("{kind}-{}.bin", activity.name()));
+        if activity != Activity::Any {
+            write_whole(&path("prior"), &recordings.prior(activity)?.to_bytes())?;
+        }
+        if path("predict").is_file() {
+            progress.note(&format!("{}: there already", path("predict").display()));
         } else {
             let start = Instant::now();
-            let predictor = train_on_recordings(recordings, activity, &config)?;
-            predictor.write_small(&path)?;
-            say(&path, &predictor, start);
+            let config = TrainConfig { seed: args.seed, ..TrainConfig::for_people_at_large() };
+            let predictor = recordings.predictor(activity, &config)?;
+            predictor.write_small(&path("predict"))?;
+            say(&path("predict"), &predictor, start);
         }
         progress.advance();
     }

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::descriptor::DescriptorFile;
 use super::pose_space::PoseSpace;
 use super::predictor::{PosePredictor, Training};
+use crate::whole_file::write_whole;
 
 const MAGIC: &str = "UMBRAPRE";
 /// Version of the file that this build reads and writes.
@@ -52,14 +53,6 @@ pub enum LoadPredictorError {
         /// What descriptor and space ask for.
         expected: [usize; 2],
     },
-}
-
-fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    let folder = path.parent().unwrap_or(Path::new("."));
-    fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
-    let partial = path.with_extension("partial");
-    fs::write(&partial, bytes).with_context(|| format!("{}: cannot write", partial.display()))?;
-    fs::rename(&partial, path).with_context(|| format!("{}: cannot write", path.display()))
 }
 
 impl PosePredictor {

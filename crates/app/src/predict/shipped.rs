@@ -1,6 +1,9 @@
-//! What predictors are trained for, and the one that the program carries.
+//! What the program knows of how people move, by activity.
+
+use body::pose_prior::PosePrior;
 
 use super::PosePredictor;
+use crate::config::TrackConfig;
 
 /// What somebody is expected to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -11,7 +14,7 @@ pub enum Activity {
     Jog,
     /// Boxing.
     Box,
-    /// Anything that was recorded.
+    /// Anything: nothing narrower is known.
     Any,
 }
 
@@ -29,25 +32,73 @@ impl Activity {
         }
     }
 
+    /// The activity that a clip or sequence is named after, as `Walking`; [`Self::Any`] for a name that says nothing.
+    pub fn called(name: &str) -> Self {
+        match name.to_lowercase().as_str() {
+            "walk" | "walking" => Self::Walk,
+            "jog" | "jogging" | "run" | "running" => Self::Jog,
+            "box" | "boxing" => Self::Box,
+            _ => Self::Any,
+        }
+    }
+
     /// Whether clips of this action show it.
     pub fn includes(self, action: &str) -> bool {
+        self == Self::Any || self == Self::called(action)
+    }
+
+    /// `config` for it: poses of people who do just this hold for others nearly as they are, while a prior of many
+    /// things has to be widened.
+    pub fn over(self, config: TrackConfig) -> TrackConfig {
         match self {
-            Self::Walk => action == "walk",
-            Self::Jog => action == "jog" || action == "run",
-            Self::Box => action == "box",
-            Self::Any => true,
+            Self::Any => config,
+            Self::Walk | Self::Jog | Self::Box => TrackConfig {
+                prior_widening: 1.1,
+                least_sd: 0.02,
+                least_step: 0.002,
+                frees_clavicles: false,
+                ..config
+            },
         }
     }
 }
 
-impl PosePredictor {
-    /// The predictor that the program ships: of anything recorded, by many people, from rendered masks.
+/// What is known of an activity: poses and steps of those who do it, and what a mask of them says of the pose.
+#[derive(Clone, Debug)]
+pub struct ActivityModel {
+    /// Poses and steps.
+    pub prior: PosePrior,
+    /// Poses from a mask.
+    pub predictor: PosePredictor,
+}
+
+impl ActivityModel {
+    /// The one that the program ships: learned from many people, its predictor from rendered masks.
     ///
     /// # Panics
-    /// Never: a test loads the file.
-    pub fn builtin() -> Self {
-        let bytes = include_bytes!("../../assets/predict-any.bin");
-        Self::from_bytes(bytes).expect("the bundled predictor is whole: a test loads it")
+    /// Never: a test loads all of them.
+    pub fn builtin(activity: Activity) -> Self {
+        let prior = |bytes: &[u8]| PosePrior::from_bytes(bytes).expect("the bundled prior is whole");
+        let predictor =
+            |bytes: &[u8]| PosePredictor::from_bytes(bytes).expect("the bundled predictor is whole");
+        match activity {
+            Activity::Walk => Self {
+                prior: prior(include_bytes!("../../assets/prior-walk.bin")),
+                predictor: predictor(include_bytes!("../../assets/predict-walk.bin")),
+            },
+            Activity::Jog => Self {
+                prior: prior(include_bytes!("../../assets/prior-jog.bin")),
+                predictor: predictor(include_bytes!("../../assets/predict-jog.bin")),
+            },
+            Activity::Box => Self {
+                prior: prior(include_bytes!("../../assets/prior-box.bin")),
+                predictor: predictor(include_bytes!("../../assets/predict-box.bin")),
+            },
+            Activity::Any => Self {
+                prior: PosePrior::builtin(),
+                predictor: predictor(include_bytes!("../../assets/predict-any.bin")),
+            },
+        }
     }
 }
 
@@ -58,17 +109,38 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_shipped_model_loads_at_once_and_knows_what_it_is_for() {
-        let mut least = Duration::MAX;
-        for _ in 0..3 {
-            let start = Instant::now();
-            let predictor = PosePredictor::builtin();
-            least = least.min(start.elapsed());
-            assert_eq!(predictor.training().activity, "any");
-            assert!(predictor.training().notice.contains("mocap.cs.cmu.edu"));
-            assert_eq!(predictor.training().check(1.5, "walk"), Ok(()));
+    fn the_shipped_models_load_at_once_and_know_what_they_are_for() {
+        for activity in Activity::ALL {
+            let mut least = Duration::MAX;
+            for _ in 0..3 {
+                let start = Instant::now();
+                let model = ActivityModel::builtin(activity);
+                least = least.min(start.elapsed());
+                let training = model.predictor.training();
+                assert_eq!(training.activity, activity.name());
+                assert!(training.notice.contains("mocap.cs.cmu.edu"));
+                assert!(model.prior.notice().contains("mocap.cs.cmu.edu"));
+                assert_eq!(training.check(1.5, activity.name()), Ok(()));
+            }
+            // 200 ms are promised on a quiet machine; tests share theirs.
+            assert!(least < Duration::from_millis(600), "{}: {least:?}", activity.name());
         }
-        // 200 ms are promised on a quiet machine; tests share theirs.
-        assert!(least < Duration::from_millis(600), "{least:?}");
+    }
+
+    #[test]
+    fn an_activity_has_the_clips_that_are_called_after_it() {
+        assert!(Activity::Jog.includes("run") && Activity::Walk.includes("walk"));
+        assert!(!Activity::Walk.includes("jog") && !Activity::Box.includes("bend"));
+        assert!(Activity::Any.includes("bend"));
+        assert_eq!(Activity::called("Gestures"), Activity::Any);
+    }
+
+    #[test]
+    fn the_prior_of_an_activity_is_narrower_than_that_of_all() {
+        let any: f64 = ActivityModel::builtin(Activity::Any).prior.sd_rad().iter().sum();
+        for activity in [Activity::Walk, Activity::Jog] {
+            let narrow: f64 = ActivityModel::builtin(activity).prior.sd_rad().iter().sum();
+            assert!(narrow < any, "{}: {narrow:.2}, all: {any:.2}", activity.name());
+        }
     }
 }

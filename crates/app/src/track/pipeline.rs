@@ -6,7 +6,6 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context as _, bail};
-use body::pose_prior::PosePrior;
 use body::{BodyModel, Camera};
 use silhouette::Mask;
 
@@ -17,7 +16,7 @@ use super::pose_model::{FreeJoints, pose_model};
 use super::refine::Refiner;
 use super::tracker::Scene;
 use crate::config::{ExecConfig, Method, TrackConfig, TrackParams};
-use crate::predict::{Activity, PosePredictor};
+use crate::predict::{Activity, ActivityModel, PosePredictor};
 use crate::progress::Progress;
 use crate::run_folder::{Existing, FrameRecord, RunHeader, RunInput, RunWriter, Status, WriteRunError};
 use crate::shape::clip::stature_from;
@@ -136,8 +135,8 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
         body: body.clone(),
     };
     let (mut writer, resumed) = RunWriter::open(&job.out, job.existing, header)?;
-    let prior = PosePrior::builtin();
-    let predictor = predictor_for(job, &known.camera, &mut assumptions)?;
+    let ActivityModel { prior, predictor } = ActivityModel::builtin(job.activity);
+    let predictor = predictor_for(job, predictor, &known.camera, &mut assumptions)?;
     let mut follower = Follower::new(Scene {
         body: body.clone(),
         camera: known.camera,
@@ -216,6 +215,7 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
 /// for such a camera, none, and the assumptions say so; a predictor that was asked for by name must fit.
 fn predictor_for(
     job: &TrackJob,
+    shipped: PosePredictor,
     camera: &Camera,
     assumptions: &mut Vec<String>,
 ) -> anyhow::Result<Option<Arc<PosePredictor>>> {
@@ -231,9 +231,8 @@ fn predictor_for(
             .with_context(|| format!("{}", path.display()))?;
         return Ok(Some(Arc::new(predictor)));
     }
-    let predictor = PosePredictor::builtin();
-    match predictor.training().check(height_m, job.activity.name()) {
-        Ok(()) => Ok(Some(Arc::new(predictor))),
+    match shipped.training().check(height_m, job.activity.name()) {
+        Ok(()) => Ok(Some(Arc::new(shipped))),
         Err(reason) => {
             assumptions.push(format!("nothing of the pose from a single mask: {reason}"));
             Ok(None)
@@ -351,6 +350,7 @@ fn inputs(job: &TrackJob) -> Vec<RunInput> {
 /// Everything a job was told, as it stands in `run.toml`.
 fn settings_table(job: &TrackJob) -> anyhow::Result<toml::Table> {
     let mut table = toml::Table::try_from(&job.config).context("the settings as TOML")?;
+    table.insert("activity".to_owned(), job.activity.name().into());
     if let Some(frames) = &job.frames {
         table.insert("frames".to_owned(), format!("{}..{}", frames.start, frames.end).into());
     }

@@ -33,6 +33,8 @@ pub struct TrainConfig {
     pub pose_dim: usize,
     /// Views rendered of each pose of a sequence, beside those that were filmed.
     pub views_per_pose: usize,
+    /// Masks rendered of the motion of people at large, mirror images not counted.
+    pub rendered_masks: usize,
     /// Whether the mirror image of every mask is learned from, too.
     pub mirror: bool,
     /// Experts.
@@ -52,10 +54,22 @@ impl Default for TrainConfig {
             descriptor: DescriptorKind::Crop,
             pose_dim: 10,
             views_per_pose: 3,
+            rendered_masks: 2_600,
             mirror: false,
             experts: HierarchicalConfig { max_centres: 400, mixture, ..HierarchicalConfig::default() },
             seed: 0,
         }
+    }
+}
+
+impl TrainConfig {
+    /// The settings of the models that the program ships. They have to be small: fewer bases an expert, pose coordinates and
+    /// sectors.
+    pub fn for_people_at_large() -> Self {
+        let mut config = Self { pose_dim: 8, ..Self::default() };
+        config.experts.n_views = 6;
+        config.experts.mixture.expert.max_bases = 20;
+        config
     }
 }
 

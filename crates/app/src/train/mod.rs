@@ -1,7 +1,7 @@
 //! Training of pose predictors and dynamics, from masks with known poses.
 //!
-//! [`Examples`] come from the [`TrainingFrames`] of a sequence ([`train_on_sequence`]) or are rendered from recorded motion
-//! ([`render`]). [`fit_predictor`] makes a predictor of them.
+//! [`Examples`] come from the [`TrainingFrames`] of a sequence ([`train_on_sequence`]) or are rendered from [`Recordings`] of
+//! many people. [`fit_predictor`] makes a predictor of them.
 
 mod examples;
 mod fit;
@@ -16,6 +16,6 @@ pub mod validate;
 pub use examples::Examples;
 pub use fit::{DescriptorKind, TrainConfig, fit_predictor};
 pub use frames::{STATURE_SD_M, TrainingFrames, first_markers, sequence_masks};
-pub use recorded::train_on_recordings;
+pub use recorded::Recordings;
 pub use sequence::train_on_sequence;
 pub use transition::train_transitions;

@@ -1,11 +1,13 @@
-//! Examples rendered from recorded motion: many bodies, seen from all sides by cameras at several heights.
+//! What recorded motion of many people teaches: a prior over poses, and a predictor from masks rendered of many bodies, seen
+//! from all sides by cameras at several heights.
 
 use std::f64::consts::TAU;
 use std::path::Path;
 
-use anyhow::ensure;
+use anyhow::{Context as _, ensure};
 use body::build::prior::{CMU_NOTICE, RetargetedClip, retargeted_clips};
-use body::retarget::RetargetConfig;
+use body::pose_prior::{PosePrior, PosePriorConfig};
+use body::retarget::{Motion, RetargetConfig};
 use body::{BodyModel, Camera, Intrinsics, Pose};
 use glam::{DQuat, DVec3};
 use pf_core::rng::{Draw, Purpose, particle_rng, standard_normal_quantile};
@@ -15,8 +17,9 @@ use silhouette::Mask;
 
 use super::noise::segmentation_noise;
 use super::render::render;
-use super::{Examples, TrainConfig, fit_predictor};
+use super::{Examples, TrainConfig, TrainingFrames, fit_predictor};
 use crate::predict::{Activity, PosePredictor, Training, ViewedPose};
+use crate::stage::Sequence;
 
 /// Cameras stand so high above the floor, metres,
 const CAMERA_HEIGHT_M: [f64; 2] = [0.8, 2.2];
@@ -28,55 +31,132 @@ const IMAGE_PX: [u32; 2] = [640, 480];
 const FOCAL_PX: f64 = 620.0;
 /// Shape coefficients that are drawn; the others stay 0.
 const SHAPE_COEFFICIENTS: usize = 20;
-/// Masks of a model, mirror images not counted.
-const N_MASKS: usize = 2_600;
+/// Source and terms of the motion of a stage-like data set.
+const STAGE_NOTICE: &str = "\
+Beside it, the training frames of synthetic sequences made from the same database: its motion on parametric bodies (Anny,
+NAVER Corp., code Apache-2.0, assets CC0 1.0), everything else CC0 1.0.
+";
 
-/// A predictor for an activity from the training clips of a folder of recorded motion.
-///
-/// # Errors
-/// When a clip cannot be read, or none shows the activity.
-pub fn train_on_recordings(
-    folder: &Path,
-    activity: Activity,
-    config: &TrainConfig,
-) -> anyhow::Result<PosePredictor> {
-    let model = BodyModel::builtin();
-    let rest = *model.mean().rest_joints();
-    let clips = retargeted_clips(folder, "train", &rest, &RetargetConfig::default())?;
-    let mut examples = recorded_examples(&clips, activity, config.seed)?;
-    examples.mirror();
-    let training = Training {
-        notice: CMU_NOTICE.to_owned(),
-        activity: activity.name().to_owned(),
-        camera_height_m: CAMERA_HEIGHT_M,
-        n_masks: examples.len() as u64,
-    };
-    fit_predictor(&examples, &rest, training, config)
+/// Recorded motion of many people, on the skeleton of the mean body.
+#[derive(Clone, Debug)]
+pub struct Recordings {
+    notices: Vec<String>,
+    clips: Vec<Recording>,
 }
 
-/// [`N_MASKS`] rendered masks: an action of the activity, a frame of it, a body, a camera and a side, all at random.
-fn recorded_examples(clips: &[RetargetedClip], activity: Activity, seed: u64) -> anyhow::Result<Examples> {
-    let mut actions: Vec<&str> =
-        clips.iter().map(|clip| clip.action.as_str()).filter(|action| activity.includes(action)).collect();
-    actions.sort_unstable();
-    actions.dedup();
-    ensure!(!actions.is_empty(), "no training clip shows `{}`", activity.name());
-    let poses: Vec<Vec<&Pose>> = actions
-        .iter()
-        .map(|action| {
-            let clips = clips.iter().filter(|clip| clip.action == *action);
-            clips.flat_map(|clip| &clip.motion.poses).collect()
-        })
-        .collect();
+#[derive(Clone, Debug)]
+struct Recording {
+    /// Who moves.
+    performers: Vec<String>,
+    action: String,
+    motion: Motion,
+}
+
+impl Recordings {
+    /// The training clips of a folder of recorded motion (`cmu`).
+    ///
+    /// # Errors
+    /// When a clip cannot be read.
+    pub fn read(folder: &Path) -> anyhow::Result<Self> {
+        let rest = *BodyModel::builtin().mean().rest_joints();
+        let clips = retargeted_clips(folder, "train", &rest, &RetargetConfig::default())?;
+        let recording = |clip: RetargetedClip| Recording {
+            performers: clip.motion.name.split('_').take(1).map(str::to_owned).collect(),
+            action: clip.action,
+            motion: clip.motion,
+        };
+        Ok(Self { notices: vec![CMU_NOTICE.to_owned()], clips: clips.into_iter().map(recording).collect() })
+    }
+
+    /// Adds the motion of the training frames of `sequences`, as the masks of `camera` and the true joints show it.
+    ///
+    /// # Errors
+    /// When a sequence cannot be read.
+    pub fn add_stage(&mut self, sequences: &[Sequence], camera: &str) -> anyhow::Result<()> {
+        for sequence in sequences {
+            let frames = TrainingFrames::read(sequence, camera, "observed")?;
+            self.clips.push(Recording {
+                performers: sequence.performers.clone(),
+                action: Activity::called(&sequence.activity).name().to_owned(),
+                motion: frames.motion.motion,
+            });
+        }
+        if !sequences.is_empty() {
+            self.notices.push(STAGE_NOTICE.to_owned());
+        }
+        Ok(())
+    }
+
+    /// The recordings in which none of `performers` moves.
+    #[must_use]
+    pub fn without(&self, performers: &[String]) -> Self {
+        let is_other = |clip: &&Recording| !clip.performers.iter().any(|name| performers.contains(name));
+        Self { notices: self.notices.clone(), clips: self.clips.iter().filter(is_other).cloned().collect() }
+    }
+
+    /// Whether somebody does it.
+    pub fn show(&self, activity: Activity) -> bool {
+        self.of(activity).next().is_some()
+    }
+
+    fn of(&self, activity: Activity) -> impl Iterator<Item = &Recording> {
+        self.clips.iter().filter(move |clip| activity.includes(&clip.action))
+    }
+
+    /// Poses and steps of those who do it.
+    ///
+    /// # Errors
+    /// When too few poses show the activity.
+    pub fn prior(&self, activity: Activity) -> anyhow::Result<PosePrior> {
+        let motions: Vec<Motion> = self.of(activity).map(|clip| clip.motion.clone()).collect();
+        PosePrior::learn(&motions, &self.notices.join("\n"), &PosePriorConfig::default())
+            .with_context(|| format!("cannot learn the poses of `{}`", activity.name()))
+    }
+
+    /// What a mask says of the pose of somebody who does it.
+    ///
+    /// # Errors
+    /// When no clip shows the activity.
+    pub fn predictor(&self, activity: Activity, config: &TrainConfig) -> anyhow::Result<PosePredictor> {
+        let mut examples = self.examples(activity, config)?;
+        examples.mirror();
+        let training = Training {
+            notice: self.notices.join("\n"),
+            activity: activity.name().to_owned(),
+            camera_height_m: CAMERA_HEIGHT_M,
+            n_masks: examples.len() as u64,
+        };
+        fit_predictor(&examples, BodyModel::builtin().mean().rest_joints(), training, config)
+    }
+
+    /// Rendered masks: an action of the activity, a frame of it, a body, a camera and a side, all at random.
+    fn examples(&self, activity: Activity, config: &TrainConfig) -> anyhow::Result<Examples> {
+        let mut actions: Vec<&str> = self.of(activity).map(|clip| clip.action.as_str()).collect();
+        actions.sort_unstable();
+        actions.dedup();
+        ensure!(!actions.is_empty(), "no training clip shows `{}`", activity.name());
+        let poses: Vec<Vec<&Pose>> = actions
+            .iter()
+            .map(|action| {
+                let clips = self.clips.iter().filter(|clip| clip.action == *action);
+                clips.flat_map(|clip| &clip.motion.poses).collect()
+            })
+            .collect();
+        Ok(rendered(&poses, config))
+    }
+}
+
+/// [`TrainConfig::rendered_masks`] masks of poses in `groups`, each group as often as any other.
+fn rendered(groups: &[Vec<&Pose>], config: &TrainConfig) -> Examples {
     let model = BodyModel::builtin();
     let mean_stature_m = model.mean().stature_m();
-    let seen: Vec<Option<(Mask, ViewedPose)>> = (0..N_MASKS)
+    let seen: Vec<Option<(Mask, ViewedPose)>> = (0..config.rendered_masks)
         .into_par_iter()
         .map(|index| {
-            let at = Draw { seed, frame: index as u64, layer: 1, purpose: Purpose::User };
+            let at = Draw { seed: config.seed, frame: index as u64, layer: 1, purpose: Purpose::User };
             let mut rng = particle_rng(at, 0);
             let mut uniform = |[low, high]: [f64; 2]| low + (high - low) * rng.random::<f64>();
-            let poses = &poses[index % poses.len()];
+            let poses = &groups[index % groups.len()];
             let mut pose = poses[uniform([0.0, poses.len() as f64]) as usize].clone();
             let shape: Vec<f64> = (0..SHAPE_COEFFICIENTS)
                 .map(|_| standard_normal_quantile(uniform([1e-3, 1.0 - 1e-3])))
@@ -101,5 +181,5 @@ fn recorded_examples(clips: &[RetargetedClip], activity: Activity, seed: u64) ->
     for (mask, pose) in seen.into_iter().flatten() {
         examples.push(&mask, pose);
     }
-    Ok(examples)
+    examples
 }

@@ -24,7 +24,7 @@ use self::score::{TrackErrors, TrueFrame, moving_dofs, score};
 use super::joint_error::mean;
 use super::write_json;
 use crate::config::{ExecConfig, Method, TrackConfig, TrackParams};
-use crate::predict::{PosePredictor, TransitionPredictor};
+use crate::predict::{Activity, ActivityModel, PosePredictor, TransitionPredictor};
 use crate::progress::Progress;
 use crate::run_folder::FrameRecord;
 use crate::shape::{ShapeConfig, Told, light_tracking, shape_from_masks};
@@ -34,7 +34,7 @@ use crate::track::pose_model::{FreeJoints, PoseModel, pose_model};
 use crate::track::refine::Refiner;
 use crate::track::tracker::Scene;
 use crate::train::{
-    STATURE_SD_M, TrainConfig, TrainingFrames, first_markers, sequence_masks, train_on_sequence,
+    Recordings, STATURE_SD_M, TrainConfig, TrainingFrames, first_markers, sequence_masks, train_on_sequence,
     train_transitions,
 };
 
@@ -51,6 +51,9 @@ const OTHER_VIEW: (&str, &str, &str) = ("S2", "Jog", "C3");
 pub enum TrainOn {
     /// The training frames of the sequence itself.
     Sequence,
+    /// Other people who do the same: the recipe of the models that the program ships, without the people whose motion the
+    /// sequence shows.
+    Others,
     /// Nothing: the models that the program ships.
     None,
 }
@@ -72,6 +75,8 @@ pub struct StageEval {
     pub train: TrainOn,
     /// Whether to test on the last of the training frames and train on those before them: for tuning.
     pub validate: bool,
+    /// The folder of recorded motion, for [`TrainOn::Others`].
+    pub recordings: Option<PathBuf>,
     /// Where predictors that are trained are kept, and taken from where they are there.
     pub models: Option<PathBuf>,
     /// Number of seeds, 1, 2, and so on.
@@ -149,10 +154,14 @@ pub fn evaluate(eval: &StageEval) -> anyhow::Result<StageReport> {
 
 fn run(eval: &StageEval) -> anyhow::Result<StageReport> {
     let sequences = asked_for(eval)?;
+    let recordings = match eval.train {
+        TrainOn::Others => Some(recordings(eval)?),
+        TrainOn::Sequence | TrainOn::None => None,
+    };
     let mut progress = Progress::start("fitting the truth", 0, Some(sequences.len() as u64));
     let mut prepared = Vec::new();
     for sequence in sequences {
-        prepared.push(Prepared::new(sequence, eval)?);
+        prepared.push(Prepared::new(sequence, recordings.as_ref(), eval)?);
         progress.advance();
     }
     let mut jobs = Vec::new();
@@ -191,20 +200,19 @@ fn run(eval: &StageEval) -> anyhow::Result<StageReport> {
     Ok(report)
 }
 
-/// The settings of every run unless others are asked for: one filter of 200 particles and 10 layers, as in the paper. Poses
-/// learned from the person themselves need hardly be widened, and those of other people who walk or box a little.
+/// The settings of every run unless others are asked for: one filter of 200 particles and 10 layers, as in the paper. Poses of
+/// other people who do the same have to be widened a little, those of the person themselves hardly.
 pub fn default_config(train: TrainOn) -> TrackConfig {
-    let (least_sd, least_step) = match train {
-        TrainOn::Sequence => (0.005, 0.0005),
-        TrainOn::None => (0.02, 0.002),
-    };
-    TrackConfig {
-        modes: 1,
-        prior_widening: 1.1,
-        least_sd,
-        least_step,
-        frees_clavicles: false,
-        ..TrackConfig::default()
+    let config = TrackConfig { modes: 1, ..TrackConfig::default() };
+    match train {
+        TrainOn::Sequence => TrackConfig {
+            prior_widening: 1.1,
+            least_sd: 0.005,
+            least_step: 0.0005,
+            frees_clavicles: false,
+            ..config
+        },
+        TrainOn::Others | TrainOn::None => Activity::Walk.over(config),
     }
 }
 
@@ -285,12 +293,12 @@ struct Prepared {
 }
 
 impl Prepared {
-    fn new(sequence: Sequence, eval: &StageEval) -> anyhow::Result<Self> {
+    fn new(sequence: Sequence, recordings: Option<&Recordings>, eval: &StageEval) -> anyhow::Result<Self> {
         let test = sequence.test.start
             ..sequence.test.start + eval.frames.unwrap_or(usize::MAX).min(sequence.test.len());
         let config = TrainConfig::default();
-        let (body, prior, predictor, transitions): (Body, _, _, _) = match eval.train {
-            TrainOn::Sequence => {
+        let (body, prior, predictor, transitions): (Body, _, _, _) = match (eval.train, recordings) {
+            (TrainOn::Sequence, _) => {
                 let frames = TrainingFrames::read(&sequence, MAIN_CAMERA, "observed")?;
                 let predictor = predictor_of(&frames, &config, eval)?;
                 let prior_config = PosePriorConfig { mirror: false, ..PosePriorConfig::default() };
@@ -305,9 +313,20 @@ impl Prepared {
                 let body = BodyModel::builtin().shape(&frames.shape);
                 (body, prior, Some(Arc::new(predictor)), transitions)
             }
-            TrainOn::None => {
+            (_, None) => {
+                let ActivityModel { prior, predictor } =
+                    ActivityModel::builtin(Activity::called(&sequence.activity));
+                (body_from_masks(&sequence, &test)?, prior, Some(Arc::new(predictor)), None)
+            }
+            (_, Some(recordings)) => {
+                let others = recordings.without(&sequence.performers);
+                let activity = match Activity::called(&sequence.activity) {
+                    activity if others.show(activity) => activity,
+                    _ => Activity::Any,
+                };
+                let predictor = predictor_of_others(&sequence, &others, activity, eval)?;
                 let body = body_from_masks(&sequence, &test)?;
-                (body, PosePrior::builtin(), Some(Arc::new(PosePredictor::builtin())), None)
+                (body, others.prior(activity)?, Some(Arc::new(predictor)), None)
             }
         };
         let params = TrackParams::new(eval.config.clone())?;
@@ -445,6 +464,35 @@ fn predictor_of(
         return PosePredictor::read(&path);
     }
     let predictor = train_on_sequence(frames, config)?;
+    predictor.write(&path)?;
+    Ok(predictor)
+}
+
+/// Recorded motion of people at large, with that of the training frames of all sequences of the data set.
+fn recordings(eval: &StageEval) -> anyhow::Result<Recordings> {
+    let folder =
+        eval.recordings.as_ref().context("`recordings` is not given, expected a folder of motion")?;
+    let mut recordings = Recordings::read(folder)?;
+    recordings.add_stage(&Sequence::read_all(&eval.data)?, MAIN_CAMERA)?;
+    Ok(recordings)
+}
+
+/// The predictor of an activity learned from `others` than the performers of the sequence: the one in the folder of models, or
+/// a new one, which goes there.
+fn predictor_of_others(
+    sequence: &Sequence,
+    others: &Recordings,
+    activity: Activity,
+    eval: &StageEval,
+) -> anyhow::Result<PosePredictor> {
+    let config = TrainConfig::for_people_at_large();
+    let Some(folder) = &eval.models else { return others.predictor(activity, &config) };
+    let without = sequence.performers.join("-");
+    let path = folder.join(format!("predict-{}-without-{without}.bin", activity.name()));
+    if path.is_file() {
+        return PosePredictor::read(&path);
+    }
+    let predictor = others.predictor(activity, &config)?;
     predictor.write(&path)?;
     Ok(predictor)
 }
