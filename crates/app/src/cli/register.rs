@@ -329,3 +329,44 @@ fn landmarks_beside(scan: &Path) -> Option<PathBuf> {
     let endings = ["_landmarks.csv", ".csv", ".lnd"];
     endings.iter().map(|ending| scan.with_file_name(format!("{stem}{ending}"))).find(|file| file.is_file())
 }
+
+#[cfg(test)]
+mod tests {
+    use body::Pose;
+
+    use super::*;
+
+    #[test]
+    fn a_user_is_told_of_others_in_the_scan_and_of_what_it_does_not_show() {
+        let model = BodyModel::builtin();
+        let sound = Registration {
+            vertices: Vec::new(),
+            coefficients_sd: Vec::new(),
+            pose: Pose::rest(model.mean().rest_joints()),
+            distances_m: vec![Some(0.001); 100],
+            unknown_landmarks: Vec::new(),
+            stray_share: 0.0,
+            flipped: Vec::new(),
+            crossing: Vec::new(),
+        };
+        assert!(warnings(&sound).is_empty());
+        let mut distances_m = sound.distances_m.clone();
+        distances_m[..30].fill(None);
+        let spoilt = Registration {
+            distances_m,
+            unknown_landmarks: vec!["Butt Block".to_owned()],
+            stray_share: 0.42,
+            flipped: vec![7],
+            ..sound
+        };
+        assert_eq!(
+            warnings(&spoilt),
+            [
+                "landmarks not known and not used: Butt Block",
+                "42 % of the points lie more than 10 cm from the body: another person or things; they were left out",
+                "the scan covers 70 % of the body; the rest is guessed",
+                "1 triangles are flipped or cross others",
+            ]
+        );
+    }
+}

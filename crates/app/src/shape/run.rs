@@ -346,3 +346,6 @@ fn per_frame(
     }
     text
 }
+
+#[cfg(test)]
+mod tests;

@@ -79,6 +79,8 @@ fn meshes_in_millimetres_and_spoilt_ones_are_measured_and_it_is_told() {
     let told = measure(&woman.write("cm.obj", |v| v.map(|x| 100.0 * x)), &with_landmarks).succeeded();
     assert!(told.stderr.contains("taken as cm"), "{}", told.stderr);
     assert!((value(&told, "waist") - value(&sound, "waist")).abs() < 0.2, "{}", told.stdout);
+    // A unit that is given is not guessed.
+    measure(&large, &["--unit", "m"]).failed(1, &["mm.obj", "1680.00 m high", "expected a person"]);
 
     // Every corner its own vertex, one triangle twice, one missing.
     let spoilt = woman.path("spoilt.obj");
@@ -108,15 +110,19 @@ fn meshes_in_millimetres_and_spoilt_ones_are_measured_and_it_is_told() {
 }
 
 #[test]
-fn meshes_that_cannot_be_measured() {
+fn meshes_that_cannot_be_measured_as_they_are() {
     let woman = Woman::new();
     let empty = woman.path("empty.obj");
     fs::write(&empty, "# nothing\n").unwrap();
     measure(&empty, &[]).failed(1, &["empty.obj", "has no vertices"]);
+    let flat = woman.write("flat.obj", |[_, y, _]| [0.0, y, 0.0]);
+    measure(&flat, &[]).failed(1, &["flat.obj", "triangles of the mesh have no area"]);
     let tiny = woman.write("tiny.obj", |v| v.map(|x| 1e-4 * x));
     measure(&tiny, &[]).failed(1, &["tiny.obj", "person's in no unit", "--unit"]);
     let lying = woman.write("lying.obj", |[x, y, z]| [x, -z, y]);
     measure(&lying, &[]).failed(1, &["lying.obj", "stands along y", "try --up z"]);
+    let raised = measure(&lying, &["--up", "z"]).succeeded();
+    assert!((value(&raised, "stature") - 1680.0).abs() < 8.0, "{}", raised.stdout);
     let inverted = woman.write("inverted.obj", |[x, y, z]| [-x, -y, z]);
     measure(&inverted, &[]).failed(1, &["inverted.obj", "stands on its head", "--up"]);
 }
