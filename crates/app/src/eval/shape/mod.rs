@@ -98,6 +98,7 @@ pub fn evaluate(eval: &ShapeEval) -> anyhow::Result<ShapeReport> {
         let predict = |known: Known| found.fit.as_ref().map(|fit| predictor.predict(fit, &known));
         scored.push(Scored {
             truth,
+            motion: &found.motion,
             surface_mm: found.fit.as_ref().map(surface_mm),
             person: predict(Known::default()),
             with_stature: predict(known(true, false)),

@@ -17,6 +17,8 @@ use crate::synth::Truth;
 pub struct Scored<'a> {
     /// What is true.
     pub truth: &'a Truth,
+    /// Name of the recording that moves them.
+    pub motion: &'a str,
     /// Mean distance of the vertices of the fitted body from their true places, at rest, millimetres.
     pub surface_mm: Option<f64>,
     /// From the whole clip; none when it could not be fitted.
@@ -58,8 +60,19 @@ pub struct Score {
     pub baseline_stature: f64,
     /// and of a line on stature and weight.
     pub baseline_stature_weight: f64,
-    /// Mean absolute error by group: women, men, thirds of stature and of body mass index.
-    pub groups: BTreeMap<&'static str, f64>,
+    /// By group: women, men, thirds of stature and of body mass index.
+    pub groups: BTreeMap<&'static str, GroupScore>,
+}
+
+/// Errors of one quantity in a group of people, millimetres or kilograms.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct GroupScore {
+    /// Its size.
+    pub people: usize,
+    /// Mean absolute error.
+    pub mae: f64,
+    /// Mean of estimate less truth.
+    pub bias: f64,
 }
 
 /// Accuracy of the sex.
@@ -161,7 +174,7 @@ fn score(fitted: &[&Scored<'_>], quantity: Quantity) -> Score {
         ),
         bias: mean(own.clone()),
         worst: own.iter().map(|e| e.abs()).fold(0.0, f64::max),
-        groups: groups(fitted, &own),
+        groups: groups(fitted.iter().map(|scored| scored.truth), &own),
         mae: size(own),
         mae_stature_known: size(errors(&|scored| value(&scored.with_stature))),
         mae_stature_weight_known: size(errors(&|scored| value(&scored.with_both))),
@@ -173,10 +186,13 @@ fn score(fitted: &[&Scored<'_>], quantity: Quantity) -> Score {
     }
 }
 
-/// Mean absolute error by sex and by thirds of stature and body mass index.
-fn groups(fitted: &[&Scored<'_>], errors: &[f64]) -> BTreeMap<&'static str, f64> {
+/// Errors by sex and by thirds of stature and body mass index.
+fn groups<'a>(
+    people: impl Iterator<Item = &'a Truth> + Clone,
+    errors: &[f64],
+) -> BTreeMap<&'static str, GroupScore> {
     let thirds = |of: &dyn Fn(&Truth) -> f64| -> [f64; 2] {
-        let mut values: Vec<f64> = fitted.iter().map(|scored| of(scored.truth)).collect();
+        let mut values: Vec<f64> = people.clone().map(of).collect();
         values.sort_by(f64::total_cmp);
         [values[values.len() / 3], values[2 * values.len() / 3]]
     };
@@ -184,9 +200,8 @@ fn groups(fitted: &[&Scored<'_>], errors: &[f64]) -> BTreeMap<&'static str, f64>
     let stature = |truth: &Truth| truth.stature_m;
     let [short, tall] = thirds(&stature);
     let [light, heavy] = thirds(&bmi);
-    let mut sums: BTreeMap<&'static str, [f64; 2]> = BTreeMap::new();
-    for (scored, error) in fitted.iter().zip(errors) {
-        let truth = scored.truth;
+    let mut members: BTreeMap<&'static str, Vec<f64>> = BTreeMap::new();
+    for (truth, &error) in people.clone().zip(errors) {
         let third = |value: f64, low: f64, high: f64, names: [&'static str; 3]| {
             names[usize::from(value >= low) + usize::from(value >= high)]
         };
@@ -195,11 +210,15 @@ fn groups(fitted: &[&Scored<'_>], errors: &[f64]) -> BTreeMap<&'static str, f64>
             third(stature(truth), short, tall, ["short", "middle", "tall"]),
             third(bmi(truth), light, heavy, ["light", "medium", "heavy"]),
         ] {
-            let sum = sums.entry(group).or_default();
-            *sum = [sum[0] + 1.0, sum[1] + error.abs()];
+            members.entry(group).or_default().push(error);
         }
     }
-    sums.into_iter().map(|(group, [count, sum])| (group, sum / count)).collect()
+    let score = |errors: Vec<f64>| GroupScore {
+        people: errors.len(),
+        mae: mean(errors.iter().map(|error| error.abs())),
+        bias: mean(errors.iter().copied()),
+    };
+    members.into_iter().map(|(group, errors)| (group, score(errors))).collect()
 }
 
 /// Markdown tables.
@@ -239,12 +258,14 @@ pub fn table(report: &ShapeReport) -> String {
         100.0 * gender.balanced_accuracy_per_frame
     );
     const GROUPS: [&str; 8] = ["women", "men", "short", "middle", "tall", "light", "medium", "heavy"];
-    let _ = writeln!(text, "| error by group | {} |", GROUPS.join(" | "));
+    let _ = writeln!(text, "| error, bias by group | {} |", GROUPS.join(" | "));
     let _ = writeln!(text, "|---|{}", "---:|".repeat(GROUPS.len()));
     for quantity in Quantity::ALL {
         let groups = &report.quantities.scores[quantity.name()].groups;
-        let cells =
-            GROUPS.map(|group| groups.get(group).map_or_else(|| "–".to_owned(), |e| format!("{e:.1}")));
+        let cells = GROUPS.map(|group| match groups.get(group) {
+            Some(GroupScore { mae, bias, .. }) => format!("{mae:.1}, {bias:+.1}"),
+            None => "–".to_owned(),
+        });
         let _ = writeln!(text, "| {} | {} |", quantity.name(), cells.join(" | "));
     }
     if !report.stage.is_empty() {
@@ -284,7 +305,7 @@ pub fn table(report: &ShapeReport) -> String {
 pub fn write_people(out: &Path, scored: &[Scored<'_>]) -> anyhow::Result<()> {
     let path = out.join("people.csv");
     let mut text = String::from(
-        "body,sex,quantity,unit,truth,estimate,error,error_percent,low90,high90,male_probability\n",
+        "body,sex,motion,quantity,unit,truth,estimate,error,error_percent,low90,high90,male_probability\n",
     );
     for scored in scored {
         let Some(person) = &scored.person else { continue };
@@ -292,9 +313,10 @@ pub fn write_people(out: &Path, scored: &[Scored<'_>]) -> anyhow::Result<()> {
             let (truth, estimate) = (quantity.of(scored.truth), person.of(quantity));
             let _ = writeln!(
                 text,
-                "{},{},{},{},{truth:.4},{:.4},{:+.4},{:+.2},{:.4},{:.4},{:.3}",
+                "{},{},{},{},{},{truth:.4},{:.4},{:+.4},{:+.2},{:.4},{:.4},{:.3}",
                 scored.truth.id,
                 if scored.truth.sex == Sex::Male { "male" } else { "female" },
+                scored.motion,
                 quantity.name(),
                 quantity.unit(),
                 estimate.value,
@@ -307,4 +329,40 @@ pub fn write_people(out: &Path, scored: &[Scored<'_>]) -> anyhow::Result<()> {
         }
     }
     std::fs::write(&path, text).with_context(|| format!("{}: cannot write", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn groups_tell_which_way_they_err() {
+        let person = |sex: Sex, stature_m: f64, bmi: f64| Truth {
+            id: String::new(),
+            sex,
+            weight_kg: bmi * stature_m.powi(2),
+            stature_m,
+            chest_m: 1.0,
+            waist_m: 0.9,
+            hips_m: 1.0,
+            right_thigh_m: 0.6,
+            right_calf_m: 0.4,
+        };
+        let people =
+            [person(Sex::Female, 1.6, 30.0), person(Sex::Male, 1.9, 25.0), person(Sex::Female, 1.7, 20.0)];
+        let groups = groups(people.iter(), &[4.0, 1.0, -2.0]);
+        let score = |people: usize, mae: f64, bias: f64| GroupScore { people, mae, bias };
+        assert_eq!(groups["women"], score(2, 3.0, 1.0));
+        assert_eq!(groups["men"], score(1, 1.0, 1.0));
+        for (group, error) in [
+            ("short", 4f64),
+            ("middle", -2.0),
+            ("tall", 1.0),
+            ("light", -2.0),
+            ("medium", 1.0),
+            ("heavy", 4.0),
+        ] {
+            assert_eq!(groups[group], score(1, error.abs(), error), "{group}");
+        }
+    }
 }
