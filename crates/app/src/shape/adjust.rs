@@ -99,9 +99,9 @@ pub struct Adjuster<'a> {
 }
 
 impl<'a> Adjuster<'a> {
-    /// An adjuster of shapes of `figure` before `camera`, whose image is that of the masks.
-    pub fn new(figure: &'a Figure, camera: &'a Camera, config: AdjustConfig) -> Self {
-        let prior = PosePrior::builtin();
+    /// An adjuster of shapes of `figure` before `camera`, whose image is that of the masks, of people who hold themselves as in
+    /// `prior`, or about so.
+    pub fn new(figure: &'a Figure, camera: &'a Camera, prior: &PosePrior, config: AdjustConfig) -> Self {
         let mut covariance = prior.covariance() * config.pose_widening.powi(2);
         for (i, dof) in Skeleton::human().dofs().iter().enumerate() {
             covariance[(i, i)] += (config.pose_least_sd * (dof.limits_rad[1] - dof.limits_rad[0])).powi(2);

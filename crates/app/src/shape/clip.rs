@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use body::pose_prior::PosePrior;
 use body::{BodyModel, Camera, Pose};
 use silhouette::Mask;
 
@@ -54,7 +53,7 @@ pub fn shape_from_masks(
         ..track.clone()
     })?;
     let body = Arc::new(model.shape_for_stature(stature_m, None));
-    let prior = Arc::new(FreeJoints::new(&PosePrior::builtin(), params.widening()));
+    let prior = Arc::new(FreeJoints::new(&config.pose_prior, params.widening()));
     let scene = Scene {
         body,
         camera: *camera,

@@ -1,5 +1,7 @@
 //! From tracked frames to one body.
 
+use std::sync::Arc;
+
 use body::pose_prior::PosePrior;
 use body::{BodyModel, Camera, Pose, Skeleton};
 use nalgebra::{DMatrix, DVector};
@@ -25,6 +27,8 @@ pub struct ShapeConfig {
     pub correlation_secs: f64,
     /// How the shape is found.
     pub method: ShapeMethod,
+    /// How people hold themselves.
+    pub pose_prior: Arc<PosePrior>,
     /// Of the adjustment.
     pub adjust: AdjustConfig,
     /// Of the search.
@@ -49,6 +53,7 @@ impl Default for ShapeConfig {
             least_frames: 4,
             correlation_secs: 0.15,
             method: ShapeMethod::default(),
+            pose_prior: Arc::new(PosePrior::builtin()),
             adjust: AdjustConfig::default(),
             search: SearchConfig::default(),
         }
@@ -122,8 +127,11 @@ pub fn fit_shape(
     let figure = Figure::new(model, config.n_shape);
     let start = &model.coefficients_for_stature(stature_m, None)[..config.n_shape];
     let rest = figure.rest(start);
-    let adjuster = Adjuster::new(&figure, camera, config.adjust.clone());
-    let poses = used.par_iter().map(|(frame, seen)| best_start(&adjuster, &rest, frame, seen)).collect();
+    let adjuster = Adjuster::new(&figure, camera, &config.pose_prior, config.adjust.clone());
+    let poses = used
+        .par_iter()
+        .map(|(frame, seen)| best_start(&adjuster, &config.pose_prior, &rest, frame, seen))
+        .collect();
     let first = found(&adjuster, &used, poses, fps, start, config);
 
     let keep = well_fitted(&first.misfit_px);
@@ -131,7 +139,8 @@ pub fn fit_shape(
     used.retain(|_| *places.next().expect("one for each view"));
     let poses = first.poses.into_iter().zip(&keep).filter_map(|(pose, keep)| keep.then_some(pose)).collect();
     let steps = config.adjust.steps / 2;
-    let finisher = Adjuster::new(&figure, camera, AdjustConfig { steps, ..config.adjust.clone() });
+    let finishing = AdjustConfig { steps, ..config.adjust.clone() };
+    let finisher = Adjuster::new(&figure, camera, &config.pose_prior, finishing);
     let shape = &first.mean.as_slice()[..config.n_shape];
     let last = found(&finisher, &used, poses, fps, shape, config);
     Ok(ShapeFit {
@@ -201,9 +210,15 @@ const START_STEPS: usize = 8;
 const SWING_RAD: f64 = 0.4;
 
 /// The best pose of a body of known shape: from the tracked one, or from a person who walks where the masks say.
-fn best_start(adjuster: &Adjuster<'_>, rest: &Rest, frame: &ShapeFrame, seen: &Seen) -> Pose {
+fn best_start(
+    adjuster: &Adjuster<'_>,
+    prior: &PosePrior,
+    rest: &Rest,
+    frame: &ShapeFrame,
+    seen: &Seen,
+) -> Pose {
     let mut best: Option<(Pose, f64)> = None;
-    for pose in starts(rest, frame) {
+    for pose in starts(prior, rest, frame) {
         let (pose, cost) = adjuster.adjust_pose(&View { seen, pose, weight: 1.0 }, rest, START_STEPS);
         if best.as_ref().is_none_or(|(_, least)| cost < *least) {
             best = Some((pose, cost));
@@ -212,14 +227,14 @@ fn best_start(adjuster: &Adjuster<'_>, rest: &Rest, frame: &ShapeFrame, seen: &S
     best.expect("there is the tracked pose").0
 }
 
-fn starts(rest: &Rest, frame: &ShapeFrame) -> Vec<Pose> {
+fn starts(prior: &PosePrior, rest: &Rest, frame: &ShapeFrame) -> Vec<Pose> {
     let mut starts = vec![frame.pose.clone()];
     let Some(Sighting { place, heading_rad: Some(heading_rad), .. }) = frame.sighting else { return starts };
     let skeleton = Skeleton::human();
     let dof = |name: &str| skeleton.dof_index(name).expect("the skeleton has it");
     for swing in [-SWING_RAD, 0.0, SWING_RAD] {
         let mut pose = Pose::upright(place.extend(rest.joints[0].y), heading_rad);
-        pose.angles.copy_from_slice(PosePrior::builtin().mean_rad());
+        pose.angles.copy_from_slice(prior.mean_rad());
         pose.angles[dof("left_hip_flexion")] += swing;
         pose.angles[dof("right_hip_flexion")] -= swing;
         pose.angles[dof("left_shoulder_elevation")] -= swing;
