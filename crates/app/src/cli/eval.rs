@@ -113,7 +113,7 @@ pub struct ShapeArgs {
     /// Number of people.
     #[arg(long, value_name = "N", default_value_t = 100)]
     people: usize,
-    /// Training people and motion instead: for tuning.
+    /// Training people and motion instead, of performers whom the prior on poses does not know: for tuning.
     #[arg(long)]
     training: bool,
     /// How shapes are found.

@@ -16,4 +16,4 @@ pub mod walk;
 
 pub use people::{FullBody, People, Truth};
 pub use studio::{Studio, SyntheticWalk, WalkFrame};
-pub use walk::{WalkConfig, Walks};
+pub use walk::{WalkConfig, Walks, performer_of};

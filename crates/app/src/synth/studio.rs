@@ -83,10 +83,21 @@ impl Studio {
     /// # Panics
     /// When there is no such person.
     pub fn walk(&self, person: usize, seed: u64) -> anyhow::Result<SyntheticWalk> {
+        self.walk_as(&self.walks, person, seed)
+    }
+
+    /// The same with one of `recordings` in place of all.
+    ///
+    /// # Errors
+    /// As [`walk`](Self::walk).
+    ///
+    /// # Panics
+    /// As [`walk`](Self::walk).
+    pub fn walk_as(&self, recordings: &Walks, person: usize, seed: u64) -> anyhow::Result<SyntheticWalk> {
         let stream =
             |layer: u32| particle_rng(Draw { seed, frame: person as u64, layer, purpose: Purpose::User }, 0);
         let body = self.people.body(person);
-        let mut motion = self.walks.walk(body.rest_joints(), &self.walk, &mut stream(0))?;
+        let mut motion = recordings.walk(body.rest_joints(), &self.walk, &mut stream(0))?;
         put_on_floor(&body, &mut motion.poses);
         let camera = camera(&mut stream(1))?;
         let mut noise = Noise::new(self.noise.clone(), motion.poses.len(), self.walk.rate_hz, stream(2));

@@ -1,5 +1,6 @@
 //! Recorded walking on a curved path, carried over to a person.
 
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::path::Path;
 
@@ -35,6 +36,11 @@ pub struct Walks {
     clips: Vec<MocapClip>,
 }
 
+/// Who was recorded: the part of a recording's name before the number of the trial, as in `35_02`.
+pub fn performer_of(recording: &str) -> &str {
+    recording.split('_').next().unwrap_or(recording)
+}
+
 impl Walks {
     /// The clips of `folder` whose action is `walk` and whose split is one of `splits` (`train`, `validate`).
     ///
@@ -51,6 +57,16 @@ impl Walks {
             bail!("{}: no clip of action `walk` and split {splits:?}", folder.join("index.csv").display());
         }
         Ok(Self { clips })
+    }
+
+    /// The recordings of each performer, by name.
+    pub fn by_performer(self) -> BTreeMap<String, Self> {
+        let mut parts: BTreeMap<String, Self> = BTreeMap::new();
+        for clip in self.clips {
+            let part = parts.entry(performer_of(&clip.name).to_owned());
+            part.or_insert_with(|| Self { clips: Vec::new() }).clips.push(clip);
+        }
+        parts
     }
 
     /// A stretch of a random recording on a random arc, by a person with joints `rest`.

@@ -24,7 +24,7 @@ use crate::synth::{People, Studio};
 use baseline::Baselines;
 use report::{Score, Scored};
 pub use report::{ShapeReport, table};
-use walks::{choose_people, fit_people};
+use walks::{choose_people, fit_as_strangers, fit_people, strangers};
 
 /// Seed of the walks.
 const SEED: u64 = 2;
@@ -43,7 +43,7 @@ pub struct ShapeEval {
     pub stage: Option<PathBuf>,
     /// Folder of recorded motion.
     pub motions: PathBuf,
-    /// Take training people and training motion instead: for tuning.
+    /// Take training people and training motion instead, of performers unknown to the prior on poses: for tuning.
     pub on_training: bool,
     /// How shapes are found.
     pub method: ShapeMethod,
@@ -74,11 +74,17 @@ pub fn evaluate(eval: &ShapeEval) -> anyhow::Result<ShapeReport> {
         bail!("{}: {} people to test, expected 2 at least", folder.display(), people.len());
     }
     let config = ShapeConfig { method: eval.method, ..ShapeConfig::default() };
-    let fits = fit_people(&studio, &people, SEED, &light_tracking(), &config, SINGLE_FRAMES)?;
+    let model = BodyModel::builtin();
+    let track = light_tracking();
+    let fits = if eval.on_training {
+        let strangers = strangers(&eval.motions, model.mean().rest_joints())?;
+        fit_as_strangers(&studio, &strangers, &people, SEED, &track, &config, SINGLE_FRAMES)?
+    } else {
+        fit_people(&studio, &people, SEED, &track, &config, SINGLE_FRAMES)?
+    };
     let training = population.data().training_bodies();
     let baselines = Baselines::learn(training.iter().map(|&person| &population.truths()[person]));
     let predictor = Predictor::builtin();
-    let model = BodyModel::builtin();
     let bodies = studio.people.data();
     let surface = SurfaceFit::new(bodies, &model.template().source_vertices, model.triangles())?;
     let mut scored = Vec::new();
