@@ -45,7 +45,7 @@ pub struct TrainShapeArgs {
     #[arg(long, value_name = "FOLDER")]
     data: Option<PathBuf>,
     /// Training people who walk.
-    #[arg(long, value_name = "N", default_value_t = 200)]
+    #[arg(long, value_name = "N", default_value_t = 160)]
     people: usize,
     /// Where umbra-shape.json goes.
     #[arg(long, value_name = "FOLDER", default_value = "crates/app/assets")]
