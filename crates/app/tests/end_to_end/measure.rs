@@ -80,7 +80,7 @@ fn meshes_in_millimetres_and_spoilt_ones_are_measured_and_it_is_told() {
     assert!(told.stderr.contains("taken as cm"), "{}", told.stderr);
     assert!((value(&told, "waist") - value(&sound, "waist")).abs() < 0.2, "{}", told.stdout);
     // A unit that is given is not guessed.
-    measure(&large, &["--unit", "m"]).failed(1, &["mm.obj", "1680.00 m high", "expected a person"]);
+    measure(&large, &["--unit", "m"]).failed(1, &["mm.obj", "expected 10 m or less: check the unit"]);
 
     // Every corner its own vertex, one triangle twice, one missing.
     let spoilt = woman.path("spoilt.obj");

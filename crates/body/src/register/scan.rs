@@ -17,6 +17,8 @@ const SAMPLE_SPACING_M: f64 = 0.006;
 const HOLE_SPACINGS: f64 = 2.0;
 /// Fewer points are no scan of a person.
 const LEAST_POINTS: usize = 500;
+/// No scan of a person is larger, whoever and whatever else is in it: such lengths are in another unit.
+const LARGEST_EXTENT_M: f64 = 10.0;
 
 /// Why points are not a scan that can be registered.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -35,6 +37,12 @@ pub enum ScanError {
         point: usize,
         /// Where.
         position: [f32; 3],
+    },
+    /// Larger than a room: covering its triangles with points would take all memory.
+    #[error("the scan extends over {extent_m:.1} m, expected {LARGEST_EXTENT_M} m or less: check the unit")]
+    TooLarge {
+        /// Longest side of the box around the points.
+        extent_m: f64,
     },
 }
 
@@ -70,7 +78,7 @@ impl Scan {
     /// them the points are a cloud, whose normals follow from neighbours.
     ///
     /// # Errors
-    /// When there are too few points, or one is not finite.
+    /// When there are too few points, one is not finite, or they lie too far apart for metres.
     ///
     /// # Panics
     /// When a triangle names a vertex that is not there.
@@ -79,6 +87,11 @@ impl Scan {
             return Err(ScanError::NotFinite { point, position: positions[point] });
         }
         let positions: Vec<DVec3> = positions.iter().map(|p| DVec3::from_array(p.map(f64::from))).collect();
+        let [low, high] = bounds(&positions);
+        let extent_m = (high - low).max_element();
+        if extent_m > LARGEST_EXTENT_M {
+            return Err(ScanError::TooLarge { extent_m });
+        }
         let (points, normals) = if triangles.is_empty() {
             (without_repeats(positions), Vec::new())
         } else {
@@ -106,8 +119,7 @@ impl Scan {
 
     /// Lowest and highest corner of the box around the points.
     pub fn bounds(&self) -> [DVec3; 2] {
-        let start = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-        self.points.iter().fold(start, |[low, high], point| [low.min(*point), high.max(*point)])
+        bounds(&self.points)
     }
 
     /// The scan with about `count` of its points.
@@ -190,6 +202,12 @@ impl Scan {
         let aside = (place - self.points[nearest as usize]).reject_from_normalized(plane.normal);
         (aside.length() < HOLE_SPACINGS * self.spacing_m).then_some(plane)
     }
+}
+
+/// Lowest and highest corner of the box around points.
+fn bounds(points: &[DVec3]) -> [DVec3; 2] {
+    let start = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+    points.iter().fold(start, |[low, high], point| [low.min(*point), high.max(*point)])
 }
 
 /// The points in another order, each place once: repeats would make the spacing zero.

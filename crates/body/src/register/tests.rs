@@ -202,6 +202,9 @@ fn what_is_no_standing_person_is_refused() {
     assert!(text.starts_with("the scan has a surface near "), "{text}");
     let text = Scan::new(&legs[..100], &[]).unwrap_err().to_string();
     assert_eq!(text, "100 points, expected 500 or more");
+    let in_millimetres: Vec<DVec3> = truth.iter().map(|p| 1000.0 * *p).collect();
+    let text = Scan::new(&single(&in_millimetres), model.triangles()).unwrap_err().to_string();
+    assert!(text.ends_with(" m, expected 10 m or less: check the unit"), "{text}");
     let text = Scan::new(&[[0.0, f32::NAN, 0.0]], &[]).unwrap_err().to_string();
     assert_eq!(text, "`points[0]` is [0.0, NaN, 0.0], expected finite numbers");
 }
