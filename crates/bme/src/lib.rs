@@ -63,7 +63,7 @@ pub use mixture::{
 pub use multimodality::{Coverage, Multimodality};
 pub use rng::{Purpose, stream};
 pub use rvm::{FitError, Rvm, RvmClassifier, RvmConfig, RvmConfigError, RvmParams};
-pub use traits::{Expert, Gate, Gaussian, OnlineUpdate, UpdateError, UpdateReport};
+pub use traits::{Answer, Expert, Gate, Gaussian, OnlineUpdate, UpdateError, UpdateReport};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -54,13 +54,31 @@ pub trait Gate {
     fn log_gates(&self, x: &[f64], out: &mut [f64]);
 }
 
+/// One output that goes with an input, and how far it is to be believed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Answer<'a> {
+    /// The output.
+    pub y: &'a [f64],
+    /// Its weight in samples, above 0 and at most 1.
+    pub responsibility: f64,
+}
+
 /// Learns from one labelled example at a time.
 pub trait OnlineUpdate {
+    /// Learns that these outputs go with one input, as a tracker's best particles go with its frame: every output adds its
+    /// own part to the sufficient statistics, and bases change once, at the price of a single example.
+    ///
+    /// # Errors
+    /// When a length is wrong, a number is not finite, or a responsibility is not in (0, 1]. The model is then as it was.
+    fn update_all(&mut self, x: &[f64], answers: &[Answer<'_>]) -> Result<UpdateReport, UpdateError>;
+
     /// Bases added, pruned, re-estimated, and the gain in log evidence. On `Err` the model is as it was.
     ///
     /// # Errors
-    /// When a length is wrong, a number is not finite, or `responsibility` is not in (0, 1].
-    fn update(&mut self, x: &[f64], y: &[f64], responsibility: f64) -> Result<UpdateReport, UpdateError>;
+    /// As [`Self::update_all`].
+    fn update(&mut self, x: &[f64], y: &[f64], responsibility: f64) -> Result<UpdateReport, UpdateError> {
+        self.update_all(x, &[Answer { y, responsibility }])
+    }
 }
 
 /// What an update did.

@@ -1,11 +1,13 @@
-//! Mixtures that learn from one example at a time: rounds of expectation maximisation for that example.
+//! Mixtures that learn from one input at a time: rounds of expectation maximisation for its outputs.
+
+use rayon::prelude::*;
 
 use super::{HierarchicalMixture, MixtureOfExperts};
 use crate::linalg::log_sum_exp;
-use crate::rvm::check_example;
-use crate::{Expert, OnlineUpdate, UpdateError, UpdateReport};
+use crate::rvm::check_answers;
+use crate::{Answer, Expert, OnlineUpdate, UpdateError, UpdateReport};
 
-/// Rounds for one example: the shares are those of the model that has learnt from it.
+/// Rounds for one input: the shares are those of the model that has learnt from it.
 const ROUNDS: usize = 2;
 /// An expert with less of an example than this does not learn from it.
 const LEAST_SHARE: f64 = 1e-2;
@@ -17,42 +19,73 @@ fn shares(log_joint: &[f64]) -> Vec<f64> {
     log_joint.iter().map(|j| if total > f64::NEG_INFINITY { (j - total).exp() } else { even }).collect()
 }
 
-impl OnlineUpdate for MixtureOfExperts {
-    fn update(&mut self, x: &[f64], y: &[f64], responsibility: f64) -> Result<UpdateReport, UpdateError> {
-        check_example(x, self.input_dim(), y, self.output_dim(), responsibility)?;
-        let before = self.clone();
-        let mut report = UpdateReport::default();
+/// What is left of the answers for the expert that has `shares[answer][expert]` of each.
+fn part<'a>(answers: &[Answer<'a>], shares: &[Vec<f64>], expert: usize) -> Vec<Answer<'a>> {
+    let own = answers.iter().zip(shares).filter(|(_, shares)| shares[expert] > LEAST_SHARE);
+    own.map(|(a, shares)| Answer { y: a.y, responsibility: a.responsibility * shares[expert].min(1.0) })
+        .collect()
+}
+
+/// The same answers, each with the shares of the experts in it as its output: what a gate learns.
+fn gate_answers<'a>(answers: &[Answer<'_>], shares: &'a [Vec<f64>]) -> Vec<Answer<'a>> {
+    answers.iter().zip(shares).map(|(a, y)| Answer { y, responsibility: a.responsibility }).collect()
+}
+
+impl MixtureOfExperts {
+    /// The mixture after it has learnt the answers, and what that did.
+    fn updated(&self, x: &[f64], answers: &[Answer<'_>]) -> Result<(Self, UpdateReport), UpdateError> {
+        let (mut model, mut report) = (self.clone(), UpdateReport::default());
         for _ in 0..ROUNDS {
-            let shares = shares(&self.density(x).log_joint(y));
-            let mut next = before.clone();
-            report = next.gate.update(x, &shares, responsibility)?;
-            for (expert, share) in
-                next.experts.iter_mut().zip(&shares).filter(|(_, share)| **share > LEAST_SHARE)
-            {
-                report += expert.update(x, y, responsibility * share.min(1.0))?;
+            let density = model.density(x);
+            let shares: Vec<Vec<f64>> = answers.iter().map(|a| shares(&density.log_joint(a.y))).collect();
+            model = self.clone();
+            report = model.gate.update_all(x, &gate_answers(answers, &shares))?;
+            for (k, expert) in model.experts.iter_mut().enumerate() {
+                report += expert.update_all(x, &part(answers, &shares, k))?;
             }
-            *self = next;
         }
+        Ok((model, report))
+    }
+}
+
+impl OnlineUpdate for MixtureOfExperts {
+    fn update_all(&mut self, x: &[f64], answers: &[Answer<'_>]) -> Result<UpdateReport, UpdateError> {
+        check_answers(x, self.input_dim(), answers, self.output_dim())?;
+        let (model, report) = self.updated(x, answers)?;
+        *self = model;
         Ok(report)
     }
 }
 
-/// `y` is a point: the latent coordinates, then cosine and sine of the heading.
+/// Outputs are points: the latent coordinates, then cosine and sine of the heading.
 impl OnlineUpdate for HierarchicalMixture {
-    fn update(&mut self, x: &[f64], y: &[f64], responsibility: f64) -> Result<UpdateReport, UpdateError> {
-        check_example(x, self.input_dim(), y, self.output_dim(), responsibility)?;
-        let shares = shares(&self.density(x).log_joint(y));
-        let mut next = self.clone();
-        let mut report = next.gate.update(x, &shares, responsibility)?;
-        for (view, share) in next.views.iter_mut().zip(&shares).filter(|(_, share)| **share > LEAST_SHARE) {
-            let mut rest = y;
-            for block in &mut view.blocks {
-                let (part, tail) = rest.split_at(block.output_dim());
-                rest = tail;
-                report += block.update(x, part, responsibility * share.min(1.0))?;
+    fn update_all(&mut self, x: &[f64], answers: &[Answer<'_>]) -> Result<UpdateReport, UpdateError> {
+        check_answers(x, self.input_dim(), answers, self.output_dim())?;
+        let density = self.density(x);
+        let shares: Vec<Vec<f64>> = answers.iter().map(|a| shares(&density.log_joint(a.y))).collect();
+        let mut gate = self.gate.clone();
+        let mut report = gate.update_all(x, &gate_answers(answers, &shares))?;
+        // Every block of every view that has part in an answer; they do not touch each other.
+        let mut tasks: Vec<(&mut MixtureOfExperts, Vec<Answer<'_>>)> = Vec::new();
+        for (v, view) in self.views.iter_mut().enumerate() {
+            let own = part(answers, &shares, v);
+            let mut start = 0;
+            for block in view.blocks.iter_mut().filter(|_| !own.is_empty()) {
+                let range = start..start + block.output_dim();
+                start = range.end;
+                let of_block = own
+                    .iter()
+                    .map(|&Answer { y, responsibility }| Answer { y: &y[range.clone()], responsibility });
+                tasks.push((block, of_block.collect()));
             }
         }
-        *self = next;
+        let updated: Vec<(MixtureOfExperts, UpdateReport)> =
+            tasks.par_iter().map(|(block, answers)| block.updated(x, answers)).collect::<Result<_, _>>()?;
+        for ((block, _), (model, change)) in tasks.into_iter().zip(updated) {
+            *block = model;
+            report += change;
+        }
+        self.gate = gate;
         Ok(report)
     }
 }

@@ -3,7 +3,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::*;
 use crate::rng::{Purpose, stream};
-use crate::{Inputs, Kernel};
+use crate::{Answer, Inputs, Kernel, OnlineUpdate as _};
 
 fn normal(rng: &mut impl Rng) -> f64 {
     StandardNormal.sample(rng)
@@ -124,4 +124,22 @@ fn hierarchy_answers_with_heading_and_latent() {
         let mean = density.mean();
         assert!(mean[0].abs() < 0.3 && (mean[1] - heading.cos()).abs() < 0.1);
     }
+}
+
+#[test]
+fn a_mixture_learns_both_answers_of_an_input_at_once() {
+    // Trained on the branch +1 alone; told at x = 2 that −1 is an answer, too.
+    let x: Vec<f64> = (0..60).map(|i| f64::from(i) / 20.0).collect();
+    let y: Vec<f64> = (0..60).map(|i| if i < 30 { 1.0 } else { 1.3 } + 0.02 * f64::from(i % 5)).collect();
+    let (mut model, _) = MixtureOfExperts::fit(&design(&x, 1.0), &[y], &[1.0; 60], &params(2)).unwrap();
+    let density = |model: &MixtureOfExperts, y: f64| model.density(&[2.0]).log_density(&[y]);
+    let before = density(&model, 0.6);
+    let answers = [[0.6], [1.3]];
+    for _ in 0..8 {
+        let answers: Vec<Answer<'_>> = answers.iter().map(|y| Answer { y, responsibility: 0.5 }).collect();
+        let report = model.update_all(&[2.0], &answers).unwrap();
+        assert!(report.log_evidence_gain >= 0.0);
+    }
+    assert!(density(&model, 0.6) > before + 1.0, "{before} before, {} after", density(&model, 0.6));
+    assert!(density(&model, 1.3) > -1.0, "forgot: {}", density(&model, 1.3));
 }

@@ -11,7 +11,7 @@ mod widths;
 
 pub use classification::RvmClassifier;
 pub(crate) use memory::{Memory, Remembered};
-pub(crate) use online::check_example;
+pub(crate) use online::check_answers;
 pub use params::{RvmConfig, RvmConfigError, RvmParams};
 pub use regression::Rvm;
 pub(crate) use regression::{SparseFit, fit_output};

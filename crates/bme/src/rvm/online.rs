@@ -1,4 +1,4 @@
-//! Learning from one example at a time, when the training samples are long gone.
+//! Learning from one input at a time, with one output or several, when the training samples are long gone.
 //!
 //! The posterior of the weights is all that is left of the samples, and it is enough: ΦᵀWΦ = Σ⁻¹ − A and ΦᵀWt = Σ⁻¹μ. An
 //! example adds its own share to both, exactly; then the steps of `[Tipping2003]` go on as in a fit. One candidate is new:
@@ -12,7 +12,7 @@ use super::sequential::{Action, Noise, Sequential};
 use super::{LARGEST, Remembered, Rvm, RvmClassifier, RvmParams, SparseFunction};
 use crate::design::Products;
 use crate::linalg::{Symmetric, add_scaled, dot, log_sum_exp};
-use crate::{Expert, Gate, Inputs, OnlineUpdate, UpdateError, UpdateReport};
+use crate::{Answer, Expert, Gate, Inputs, OnlineUpdate, UpdateError, UpdateReport};
 
 /// Most changes of bases that one example may cause in one function.
 const STEPS_PER_EXAMPLE: usize = 10;
@@ -24,30 +24,32 @@ const RIDGE: f64 = 1e-6;
 /// Rounds that settle where a class function is linearised.
 const LINEARISATIONS: usize = 3;
 
-/// Checks what comes with an example; shared by all models.
-pub(crate) fn check_example(
+/// Checks an input and the outputs that come with it; shared by all models.
+pub(crate) fn check_answers(
     x: &[f64],
     input_dim: usize,
-    y: &[f64],
+    answers: &[Answer<'_>],
     output_dim: usize,
-    responsibility: f64,
 ) -> Result<(), UpdateError> {
+    let check_finite =
+        |field, values: &[f64]| match values.iter().position(|v| v.is_nan() || v.abs() > LARGEST) {
+            Some(index) => Err(UpdateError::NotFinite { field, index, value: values[index] }),
+            None => Ok(()),
+        };
     if x.len() != input_dim {
         return Err(UpdateError::InputDim { found: x.len(), expected: input_dim });
     }
-    if y.len() != output_dim {
-        return Err(UpdateError::OutputDim { found: y.len(), expected: output_dim });
-    }
-    for (field, values) in [("x", x), ("y", y)] {
-        if let Some(index) = values.iter().position(|v| v.is_nan() || v.abs() > LARGEST) {
-            return Err(UpdateError::NotFinite { field, index, value: values[index] });
+    check_finite("x", x)?;
+    for &Answer { y, responsibility } in answers {
+        if y.len() != output_dim {
+            return Err(UpdateError::OutputDim { found: y.len(), expected: output_dim });
+        }
+        check_finite("y", y)?;
+        if !(responsibility > 0.0 && responsibility <= 1.0) {
+            return Err(UpdateError::Responsibility { value: responsibility });
         }
     }
-    if responsibility > 0.0 && responsibility <= 1.0 {
-        Ok(())
-    } else {
-        Err(UpdateError::Responsibility { value: responsibility })
-    }
+    Ok(())
 }
 
 /// An example as one function sees it.
@@ -221,19 +223,28 @@ fn unchanged(function: &SparseFunction, n_centres: usize) -> SparseFunction {
 }
 
 impl Rvm {
-    fn absorb(&mut self, x: &[f64], y: &[f64], weight: f64, steps: usize) -> UpdateReport {
+    /// Answers of length [`output_dim`](Expert::output_dim); nothing for none.
+    fn absorb(&mut self, x: &[f64], answers: &[Answer<'_>], steps: usize) -> UpdateReport {
+        if answers.is_empty() {
+            return UpdateReport::default();
+        }
         let features = self.features(x);
         let recollection = self.memory.recall(&self.kernel, &self.centres, x);
         let n_centres = self.centres.len();
         let mut report = UpdateReport::default();
         let mut functions: Vec<SparseFunction> = Vec::with_capacity(self.outputs.len());
+        // Several answers to one input are one example: of their total weight, at their mean, with their scatter as noise.
+        let sum = |f: &dyn Fn(&Answer<'_>) -> f64| answers.iter().map(f).sum::<f64>();
+        let precision = sum(&|a| a.responsibility);
+        let weighted_targets = (0..self.outputs.len()).map(|d| sum(&|a| a.responsibility * a.y[d]));
         let parts: Vec<Remembered> =
-            y.iter().map(|y| Remembered { precision: weight, weighted_target: weight * y }).collect();
+            weighted_targets.map(|weighted_target| Remembered { precision, weighted_target }).collect();
         for (d, function) in self.outputs.iter().enumerate() {
             let remembered = &self.memory.parts[d];
             let place =
                 Place { n_centres, function, remembered, recollection: &recollection, learns_noise: true };
-            let example = Example { features: &features, own: parts[d], energy: weight * y[d] * y[d] };
+            let energy = sum(&|a| a.responsibility * a.y[d] * a.y[d]);
+            let example = Example { features: &features, own: parts[d], energy };
             match place.absorb(&example, steps) {
                 Some((updated, change)) => {
                     functions.push(updated);
@@ -250,22 +261,32 @@ impl Rvm {
 }
 
 impl OnlineUpdate for Rvm {
-    fn update(&mut self, x: &[f64], y: &[f64], responsibility: f64) -> Result<UpdateReport, UpdateError> {
-        check_example(x, self.input_dim(), y, self.output_dim(), responsibility)?;
-        Ok(self.absorb(x, y, responsibility, STEPS_PER_EXAMPLE))
+    fn update_all(&mut self, x: &[f64], answers: &[Answer<'_>]) -> Result<UpdateReport, UpdateError> {
+        check_answers(x, self.input_dim(), answers, self.output_dim())?;
+        Ok(self.absorb(x, answers, STEPS_PER_EXAMPLE))
     }
 }
 
 /// `y` holds the share of each class; they are divided by their sum.
 impl OnlineUpdate for RvmClassifier {
-    fn update(&mut self, x: &[f64], y: &[f64], responsibility: f64) -> Result<UpdateReport, UpdateError> {
-        check_example(x, self.input_dim(), y, self.n_classes, responsibility)?;
-        if let Some(index) = y.iter().position(|&share| share < 0.0) {
-            return Err(UpdateError::Share { index, value: y[index] });
+    fn update_all(&mut self, x: &[f64], answers: &[Answer<'_>]) -> Result<UpdateReport, UpdateError> {
+        check_answers(x, self.input_dim(), answers, self.n_classes)?;
+        // Weight of all answers, and of those that each class has of it.
+        let mut weight = 0.0;
+        let mut class_weights = vec![0.0; self.n_classes];
+        for &Answer { y, responsibility } in answers {
+            if let Some(index) = y.iter().position(|&share| share < 0.0) {
+                return Err(UpdateError::Share { index, value: y[index] });
+            }
+            let total: f64 = y.iter().sum();
+            if total <= 0.0 {
+                return Err(UpdateError::Share { index: 0, value: y[0] });
+            }
+            weight += responsibility;
+            add_scaled(&mut class_weights, responsibility / total, y);
         }
-        let total: f64 = y.iter().sum();
-        if total <= 0.0 {
-            return Err(UpdateError::Share { index: 0, value: y[0] });
+        if answers.is_empty() {
+            return Ok(UpdateReport::default());
         }
         let mut features = Vec::with_capacity(self.centres.len() + 1);
         self.kernel.at_centres(&self.centres, x, &mut features);
@@ -285,8 +306,8 @@ impl OnlineUpdate for RvmClassifier {
             // The mode with the example moves the point of linearisation, which moves the mode.
             for _ in 0..LINEARISATIONS {
                 let g = (values[c] - log_sum_exp(&values)).exp();
-                let precision = responsibility * (g * (1.0 - g)).max(1e-6);
-                let weighted_target = precision * values[c] + responsibility * (y[c] / total - g);
+                let precision = weight * (g * (1.0 - g)).max(1e-6);
+                let weighted_target = precision * values[c] + class_weights[c] - weight * g;
                 parts[c] = Remembered { precision, weighted_target };
                 let example = Example { features: &features, own: parts[c], energy: 0.0 };
                 outcome = place.absorb(&example, STEPS_PER_EXAMPLE);

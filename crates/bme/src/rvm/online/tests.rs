@@ -26,7 +26,7 @@ fn trained(n: usize) -> (Rvm, Vec<f64>, Vec<f64>) {
 fn absorbing_is_fitting_with_one_sample_more() {
     let (mut model, mut x, mut y) = trained(60);
     let before = model.clone();
-    model.absorb(&[-2.2], &[0.4], 0.7, 0);
+    model.absorb(&[-2.2], &[Answer { y: &[0.4], responsibility: 0.7 }], 0);
     x.push(-2.2);
     y.push(0.4);
     let mut weights = vec![1.0; 60];
@@ -49,6 +49,27 @@ fn absorbing_is_fitting_with_one_sample_more() {
     }
     assert!((model.outputs[0].total_weight - 60.7).abs() < 1e-9);
     assert_eq!(model.centres, before.centres);
+}
+
+#[test]
+fn answers_to_one_input_count_like_samples() {
+    // Without changes of bases, all at once is one after the other.
+    let (one_by_one, x, _) = trained(60);
+    let (mut one_by_one, mut at_once) = (one_by_one.clone(), one_by_one);
+    let ys = [[0.4], [0.7], [-0.1]];
+    let answers: Vec<Answer<'_>> = ys.iter().map(|y| Answer { y, responsibility: 0.5 }).collect();
+    for answer in &answers {
+        one_by_one.absorb(&x[7..8], &[*answer], 0);
+    }
+    at_once.absorb(&x[7..8], &answers, 0);
+    let (a, b) = (&one_by_one.outputs[0], &at_once.outputs[0]);
+    assert!(a.mean.iter().zip(&b.mean).all(|(a, b)| (a - b).abs() < 1e-8), "{:?} {:?}", a.mean, b.mean);
+    assert!((a.noise_variance - b.noise_variance).abs() < 1e-9 * a.noise_variance);
+    assert!((a.total_weight - b.total_weight).abs() < 1e-12);
+    // And no answer changes nothing.
+    let before = at_once.clone();
+    assert_eq!(at_once.update_all(&[0.0], &[]).unwrap(), UpdateReport::default());
+    assert_eq!(at_once, before);
 }
 
 #[test]
