@@ -36,6 +36,7 @@ pub fn run(args: &DemoArgs) -> anyhow::Result<()> {
         out: args.out.clone(),
         config: TrackConfig::default(),
         predictor: None,
+        save_predictor: None,
         activity: Activity::Any,
         frames: None,
         fps: None,

@@ -47,6 +47,9 @@ pub struct TrackArgs {
     /// A predictor of poses that `umbra train` made [default: the one that the program carries].
     #[arg(long, value_name = "FILE")]
     predictor: Option<PathBuf>,
+    /// Where to write the predictor with what it learned from the clip, see --adapt.
+    #[arg(long, value_name = "FILE")]
+    save_predictor: Option<PathBuf>,
     /// What the person does: poses and settings are those of such people, and a predictor that was trained for something else is
     /// refused.
     #[arg(long, value_enum, default_value_t = Activity::Any)]
@@ -108,6 +111,8 @@ pub struct SettingsArgs {
     /// The tracker [default: jpf, which is apf where no predictor is at hand].
     #[arg(long, value_enum)]
     method: Option<Method>,
+    #[arg(long, value_name = "N", help = or_else("Best particles of each frame that the predictor learns from, which makes a resumed run begin anew", defaults().adapt))]
+    adapt: Option<u32>,
     /// What particles weigh under jpf [default: paper].
     #[arg(long, value_enum)]
     weighting: Option<Weighting>,
@@ -150,6 +155,7 @@ impl SettingsArgs {
         set(&mut config.layers, self.layers);
         set(&mut config.modes, self.modes);
         set(&mut config.method, self.method);
+        set(&mut config.adapt, self.adapt);
         set(&mut config.weighting, self.weighting);
         set(&mut config.motion, self.motion);
         config.stature_m = self.stature_m.or(config.stature_m);
@@ -217,6 +223,7 @@ pub fn run(args: &TrackArgs) -> anyhow::Result<()> {
         out: args.out.clone(),
         config,
         predictor: args.predictor.clone(),
+        save_predictor: args.save_predictor.clone(),
         activity: args.activity,
         frames: args.frames.clone(),
         fps: args.fps,

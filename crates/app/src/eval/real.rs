@@ -182,6 +182,7 @@ fn run_seed(
         out: eval.out.join(format!("{start}-seed-{seed}")),
         config: TrackConfig { seed, initial_heading_deg: heading_deg, ..eval.config.clone() },
         predictor: None,
+        save_predictor: None,
         activity: Activity::Any,
         frames: eval.frames.clone(),
         fps: None,

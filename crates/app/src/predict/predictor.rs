@@ -1,6 +1,6 @@
 //! The predictor: a description of the mask, and experts over it.
 
-use bme::{HierarchicalDensity, HierarchicalMixture, OnlineUpdate as _, UpdateError, UpdateReport};
+use bme::{Answer, HierarchicalDensity, HierarchicalMixture, OnlineUpdate as _, UpdateError, UpdateReport};
 use rand::Rng;
 use silhouette::Mask;
 
@@ -126,20 +126,23 @@ impl PosePredictor {
         Some(PoseDensity { space: &self.space, density: self.experts.density(&description) })
     }
 
-    /// Learns that `mask` shows `pose`, with a weight above 0 and at most 1; a mask without a person teaches nothing.
+    /// Learns that `mask` shows these poses, each with a weight above 0 and at most 1, in one step of gates and experts; a
+    /// mask without a person teaches nothing. The steps are bounded: no more than ten changes of bases in each function of
+    /// the experts that have a share in the poses.
     ///
     /// # Errors
-    /// When the pose is not finite or the weight out of range; the predictor is then as it was.
-    pub fn learn(
-        &mut self,
-        mask: &Mask,
-        pose: &ViewedPose,
-        weight: f64,
-    ) -> Result<UpdateReport, UpdateError> {
-        match self.descriptor.describe(mask) {
-            Some(description) => self.experts.update(&description, &self.space.point(pose), weight),
-            None => Ok(UpdateReport::default()),
-        }
+    /// When a pose is not finite or a weight out of range; the predictor is then as it was.
+    pub fn learn(&mut self, mask: &Mask, poses: &[(ViewedPose, f64)]) -> Result<UpdateReport, UpdateError> {
+        let Some(description) = self.descriptor.describe(mask) else { return Ok(UpdateReport::default()) };
+        let points: Vec<Vec<f64>> = poses.iter().map(|(pose, _)| self.space.point(pose)).collect();
+        let answers = points.iter().zip(poses).map(|(y, (_, weight))| Answer { y, responsibility: *weight });
+        self.experts.update_all(&description, &answers.collect::<Vec<_>>())
+    }
+
+    /// Notes that it was trained on `n_masks` more masks while it tracked.
+    pub fn note_lessons(&mut self, n_masks: u64) {
+        self.training.n_masks += n_masks;
+        self.training.notice += &format!("; learned on from {n_masks} masks while tracking");
     }
 }
 

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
-use bme::HierarchicalConfig;
+use bme::{HierarchicalConfig, UpdateReport};
 use body::{BodyModel, Camera, Intrinsics, JointId, Pose, Skeleton};
 use glam::DVec3;
 use pf_core::rng::{Draw, Purpose, particle_rng};
@@ -126,11 +126,16 @@ fn examples_learnt_online_are_believed_afterwards() {
     told.heading_rad = wrapped(told.heading_rad + 0.4);
     let told_before = model.density(&mask).unwrap().log_density(&told);
     for _ in 0..5 {
-        model.learn(&mask, &told, 1.0).unwrap();
+        model.learn(&mask, &[(told.clone(), 1.0), (truth.clone(), 0.2)]).unwrap();
     }
     let told_after = model.density(&mask).unwrap().log_density(&told);
     assert!(told_after > told_before, "{told_before} before, {told_after} after; truth {before}");
-    assert!(model.learn(&mask, &told, 2.0).is_err());
+    assert!(model.learn(&mask, &[(told.clone(), 2.0)]).is_err());
+    let before = model.density(&mask).unwrap().log_density(&told);
+    assert_eq!(model.learn(&Mask::new(60, 60), &[(told.clone(), 1.0)]).unwrap(), UpdateReport::default());
+    assert_eq!(model.density(&mask).unwrap().log_density(&told), before);
+    model.note_lessons(5);
+    assert_eq!(model.training().n_masks, predictor().training().n_masks + 5);
 }
 
 #[test]

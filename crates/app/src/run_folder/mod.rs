@@ -33,7 +33,7 @@ use scene::Scene;
 
 pub use files::{WriteRunError, write_private};
 pub use finished::FinishedRun;
-pub use record::{FrameRecord, Status};
+pub use record::{FrameRecord, Learned, Status};
 pub use run_file::RunInput;
 pub use summary::{Summary, describe};
 

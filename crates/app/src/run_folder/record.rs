@@ -29,6 +29,31 @@ impl Status {
     }
 }
 
+/// What a predictor made of one frame, or of several added up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Learned {
+    /// Frames.
+    pub frames: u64,
+    /// Bases that came in.
+    pub added: u64,
+    /// Bases that went out.
+    pub deleted: u64,
+    /// Precisions that moved.
+    pub reestimated: u64,
+    /// Gain in log marginal likelihood by these changes.
+    pub log_evidence_gain: f64,
+}
+
+impl std::ops::AddAssign for Learned {
+    fn add_assign(&mut self, other: Self) {
+        self.frames += other.frames;
+        self.added += other.added;
+        self.deleted += other.deleted;
+        self.reestimated += other.reestimated;
+        self.log_evidence_gain += other.log_evidence_gain;
+    }
+}
+
 /// The result of a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameRecord {
@@ -50,6 +75,8 @@ pub struct FrameRecord {
     pub unique_ancestors: u64,
     /// The filter's log evidence of the frame.
     pub log_evidence: f64,
+    /// What the predictor made of the frame, where it learned from it.
+    pub learned: Option<Learned>,
 }
 
 /// Outlines of a frame in the pixels of its overlay.
@@ -68,7 +95,7 @@ pub(super) struct Entry {
     pub checkpoint: Option<Vec<u8>>,
 }
 
-/// The form of [`Entry`] on disk, version 1 of the journal.
+/// The form of [`Entry`] on disk, version 2 of the journal.
 #[derive(Serialize, Deserialize)]
 pub(super) struct EntryFile {
     frame: u64,
@@ -82,6 +109,7 @@ pub(super) struct EntryFile {
     effective_sample_size: f64,
     unique_ancestors: u64,
     log_evidence: f64,
+    learned: Option<Learned>,
     outlines: Outlines,
     checkpoint: Option<Vec<u8>>,
 }
@@ -101,6 +129,7 @@ impl EntryFile {
             effective_sample_size: record.effective_sample_size,
             unique_ancestors: record.unique_ancestors,
             log_evidence: record.log_evidence,
+            learned: record.learned,
             outlines: entry.outlines.clone(),
             checkpoint: entry.checkpoint.clone(),
         }
@@ -123,6 +152,7 @@ impl EntryFile {
             effective_sample_size: self.effective_sample_size,
             unique_ancestors: self.unique_ancestors,
             log_evidence: self.log_evidence,
+            learned: self.learned,
         };
         Some(Entry { record, outlines: self.outlines, checkpoint: self.checkpoint })
     }

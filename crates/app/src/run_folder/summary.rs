@@ -8,7 +8,7 @@ use anyhow::{Context as _, bail};
 use serde::{Deserialize, Serialize};
 
 use super::journal::read_entries;
-use super::record::{Entry, Status};
+use super::record::{Entry, Learned, Status};
 use super::run_file::{RunFile, VERSION};
 use super::tables::mean_joint_sd_m;
 use super::{JOURNAL, PRODUCTS, RUN_FILE, SUMMARY};
@@ -42,6 +42,9 @@ pub struct Summary {
     pub iou_worst_frame: Option<u64>,
     /// Standard deviation of a joint's position, mean over joints and tracked frames, metres.
     pub joint_sd_mean_m: Option<f64>,
+    /// What the predictor learned, where it learned.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub learned: Option<Learned>,
 }
 
 impl Summary {
@@ -71,6 +74,10 @@ impl Summary {
             iou_worst: ious.first().map(|&(iou, _)| iou),
             iou_worst_frame: ious.first().map(|&(_, frame)| frame),
             joint_sd_mean_m: mean(&mut tracked.iter().map(|record| mean_joint_sd_m(record))),
+            learned: entries.iter().filter_map(|entry| entry.record.learned).reduce(|mut sum, learned| {
+                sum += learned;
+                sum
+            }),
         }
     }
 }
@@ -148,6 +155,12 @@ fn fill(text: &mut String, folder: &Path, run: &RunFile) -> anyhow::Result<()> {
     }
     if let Some(sd_m) = summary.joint_sd_mean_m {
         writeln!(text, "  spread of a joint among the particles: {:.1} cm", 100.0 * sd_m)?;
+    }
+    if let Some(Learned { frames, added, deleted, log_evidence_gain, .. }) = summary.learned {
+        writeln!(
+            text,
+            "  learned from {frames} frames: {added} bases came, {deleted} went, log evidence rose by {log_evidence_gain:.1}"
+        )?;
     }
     if let Some(reason) = &summary.cut_short_by {
         writeln!(text, "  cut short: {reason}")?;

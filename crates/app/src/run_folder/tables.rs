@@ -4,14 +4,15 @@ use std::fmt::Write as _;
 
 use body::{JointId, Skeleton};
 
-use super::record::{Entry, FrameRecord};
+use super::record::{Entry, FrameRecord, Learned};
 
 /// Time of a frame, seconds; frame 0 is at 0.
 pub(super) fn time_s(frame: u64, fps: f64) -> f64 {
     frame as f64 / fps
 }
 
-/// Pelvis, orientation and joint angles of every frame, and what tells how far to trust it.
+/// Pelvis, orientation and joint angles of every frame, and what tells how far to trust it; of a run that learned, what the
+/// predictor made of the frame too.
 pub(super) fn poses_csv(entries: &[Entry], fps: f64) -> String {
     let mut header =
         "frame,time_s,status,root_x_m,root_y_m,root_z_m,root_qw,root_qx,root_qy,root_qz".to_owned();
@@ -19,6 +20,10 @@ pub(super) fn poses_csv(entries: &[Entry], fps: f64) -> String {
         push(&mut header, format_args!(",{}_rad", dof.name));
     }
     header.push_str(",iou,mean_joint_sd_m,effective_sample_size,unique_ancestors,log_evidence");
+    let learns = entries.iter().any(|entry| entry.record.learned.is_some());
+    if learns {
+        header.push_str(",bases_added,bases_reestimated,bases_deleted,log_evidence_gain");
+    }
     rows(header, entries, fps, |record, row| {
         let (position, orientation) = (record.pose.root_position, record.pose.root_orientation);
         numbers(row, &position.to_array(), 6);
@@ -28,6 +33,14 @@ pub(super) fn poses_csv(entries: &[Entry], fps: f64) -> String {
         numbers(row, &[record.effective_sample_size], 3);
         push(row, format_args!(",{}", record.unique_ancestors));
         numbers(row, &[record.log_evidence], 6);
+        match record.learned {
+            Some(Learned { added, reestimated, deleted, log_evidence_gain, .. }) => {
+                push(row, format_args!(",{added},{reestimated},{deleted}"));
+                numbers(row, &[log_evidence_gain], 6);
+            }
+            None if learns => row.push_str(",,,,"),
+            None => {}
+        }
     })
 }
 

@@ -40,6 +40,7 @@ fn record(frame: u64) -> FrameRecord {
         effective_sample_size: 50.0,
         unique_ancestors: 20,
         log_evidence: if frame == 4 { f64::NEG_INFINITY } else { -12.5 },
+        learned: None,
     }
 }
 

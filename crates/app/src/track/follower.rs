@@ -10,12 +10,13 @@ use serde::{Deserialize, Serialize};
 use silhouette::Mask;
 
 use super::cue::Cue;
+use super::learning::Learner;
 use super::likelihood::Observation;
 use super::modes::{Modes, ModesState};
 use super::state::BodySpace;
-use super::tracker::Scene;
+use super::tracker::{Scene, Tracker};
 use super::travel::Travel;
-use crate::predict::TransitionPredictor;
+use crate::predict::{PosePredictor, TransitionPredictor};
 use crate::run_folder::{FrameRecord, Status};
 use crate::shape::rim::Seen;
 
@@ -28,6 +29,8 @@ pub struct Follower {
     scene: Scene,
     space: BodySpace,
     travel: Travel,
+    /// The predictor that frames are shown to; that of the scene stays as it was.
+    learner: Option<Learner>,
     following: Option<Following>,
 }
 
@@ -51,7 +54,9 @@ impl Follower {
     /// A follower that has seen nobody yet. The camera of `scene` is at the resolution of the masks.
     pub fn new(scene: Scene) -> Self {
         let space = BodySpace::new(scene.model.clone());
-        Self { scene, space, travel: Travel::default(), following: None }
+        let learner = scene.predictor.clone();
+        let learner = learner.map(|predictor| Learner::new(predictor, scene.params.adapt as usize));
+        Self { scene, space, travel: Travel::default(), learner, following: None }
     }
 
     /// Works on the first of `masks`, that of frame `frame`; the others are those of the frames after it, which a start
@@ -71,9 +76,13 @@ impl Follower {
         let Some(following) = &self.following else { return Ok(None) };
         let seen = shows_somebody.then(|| self.observation(frame, masks[0], following.modes.camera()));
         let Some(following) = &mut self.following else { return Ok(None) };
-        let record =
+        let mut record =
             if let Some(seen) = seen { following.modes.step(&seen)? } else { following.modes.coast()? };
         following.is_lost = record.status == Status::Lost;
+        if let Some(learner) = self.learner.as_mut().filter(|learner| learner.wants(&record)) {
+            let particles = following.modes.best_particles(learner.n_particles());
+            record.learned = Some(learner.learn(masks[0], self.scene.camera.centre_world(), &particles)?);
+        }
         Ok(Some(record))
     }
 
@@ -96,7 +105,7 @@ impl Follower {
 
     /// What trackers see on a frame: the mask at the resolution of `camera`, and what the predictor says of it.
     fn observation(&self, frame: u64, mask: &Mask, camera: &Camera) -> Observation {
-        let cue = self.scene.predictor.as_deref().and_then(|predictor| {
+        let cue = self.predictor().and_then(|predictor| {
             let middle_px = DVec2::from_array(mask.centroid_px()?);
             let ray = self.scene.camera.ray(middle_px)?;
             let at = Draw { seed: self.scene.params.seed, frame, layer: 0, purpose: Purpose::User };
@@ -112,6 +121,31 @@ impl Follower {
         Observation { mask, cue, outline, travel, description }
     }
 
+    /// The space that particles are in.
+    pub fn space(&self) -> &BodySpace {
+        &self.space
+    }
+
+    /// The trackers at work; none before somebody was seen.
+    pub fn trackers(&self) -> impl Iterator<Item = &Tracker> {
+        self.following.iter().flat_map(|following| following.modes.trackers())
+    }
+
+    /// What predicts poses from masks, with all that it has learned so far.
+    pub fn predictor(&self) -> Option<&PosePredictor> {
+        self.learner.as_ref().map(Learner::predictor)
+    }
+
+    /// Whether the predictor learns: then [`Self::checkpoint`] does not hold all that is remembered.
+    pub fn is_learning(&self) -> bool {
+        self.learner.as_ref().is_some_and(|learner| learner.n_particles() > 0)
+    }
+
+    /// The predictor to be kept, with a note of what it has learned.
+    pub fn learned_predictor(&self) -> Option<PosePredictor> {
+        self.learner.as_ref().map(Learner::noted)
+    }
+
     /// Puts `pose` in place of what is believed, as a study of wrong poses does; nothing before somebody was seen.
     ///
     /// # Errors
@@ -120,7 +154,7 @@ impl Follower {
         self.following.as_mut().map_or(Ok(()), |following| following.modes.displace(pose))
     }
 
-    /// All that the follower remembers, as bytes; none before somebody was seen.
+    /// All that the follower remembers but for what its predictor has learned, as bytes; none before somebody was seen.
     ///
     /// # Errors
     /// When the state has no form in bytes.
@@ -135,7 +169,8 @@ impl Follower {
         postcard::to_stdvec(&state).map(Some).context("the state of the tracker as bytes")
     }
 
-    /// Takes up where another follower of the same person, camera and settings gave out `checkpoint`.
+    /// Takes up where another follower of the same person, camera and settings gave out `checkpoint`; the predictor stays as
+    /// it is.
     ///
     /// # Errors
     /// When the bytes are not a checkpoint.

@@ -4,13 +4,14 @@
 //! [`clip`] masks of a clip · [`camera_choice`] its camera · [`state`] what is estimated · [`pose_model`] what poses are likely ·
 //! [`overlap`], [`likelihood`] how well a state explains a mask · [`moves`], [`limb`] how particles move · [`start`] where they
 //! begin · [`cue`] what the mask alone says · [`travel`] which way they go · [`proposal`] where a frame's particles come from · [`refine`]
-//! the last steps to the best pose · [`tracker`] frame after frame · [`modes`] several readings side by side ·
-//! [`follower`] losses and new starts · [`pipeline`] from the input to the run folder
+//! the last steps to the best pose · [`tracker`] frame after frame · [`modes`] several readings side by side · [`learning`] what the predictor makes of
+//! it · [`follower`] losses and new starts · [`pipeline`] from the input to the run folder
 
 pub mod camera_choice;
 pub mod clip;
 pub mod cue;
 pub mod follower;
+pub mod learning;
 pub mod likelihood;
 pub mod limb;
 pub mod modes;

@@ -126,10 +126,25 @@ impl Modes {
         self.modes[0].tracker.camera()
     }
 
+    /// The mode that has explained the last masks best.
+    fn best(&self) -> usize {
+        (0..self.modes.len())
+            .fold(0, |best, k| if self.modes[k].fit > self.modes[best].fit { k } else { best })
+    }
+
+    /// The `n` heaviest particles of the best mode, see [`Tracker::best_particles`].
+    pub fn best_particles(&self, n: usize) -> Vec<(Pose, f64)> {
+        self.modes[self.best()].tracker.best_particles(n)
+    }
+
+    /// The trackers, in no order.
+    pub fn trackers(&self) -> impl Iterator<Item = &Tracker> {
+        self.modes.iter().map(|mode| &mode.tracker)
+    }
+
     /// One record of the modes' records: the best mode's, its pose replaced by the weighted mean of the poses.
     fn combine(&mut self, records: Vec<FrameRecord>) -> anyhow::Result<FrameRecord> {
-        let best = (0..records.len())
-            .fold(0, |best, k| if self.modes[k].fit > self.modes[best].fit { k } else { best });
+        let best = self.best();
         let weights = self.weights(&records, best)?;
         let mut record = records[best].clone();
         if weights.as_slice()[best] == 1.0 {

@@ -42,6 +42,8 @@ pub struct TrackJob {
     pub config: TrackConfig,
     /// The file of a predictor of poses; the one that the program ships when absent.
     pub predictor: Option<PathBuf>,
+    /// Where the predictor goes with what it learned.
+    pub save_predictor: Option<PathBuf>,
     /// What the person does.
     pub activity: Activity,
     /// Frames to track; all when absent.
@@ -124,6 +126,15 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
         assumptions.push(format!("a person {stature_m:.2} m tall, {source}"));
         stature_m
     });
+    let ActivityModel { prior, predictor } = ActivityModel::builtin(job.activity);
+    let predictor = predictor_for(job, predictor, &known.camera, &mut assumptions)?;
+    if params.adapt > 0 && predictor.is_none() {
+        let reason = match params.method {
+            Method::Jpf | Method::Jlm => assumptions.last().cloned().unwrap_or_default(),
+            method => format!("the method is {}", method.name()),
+        };
+        bail!("settings: `adapt` is {}, expected 0 without a predictor of poses: {reason}", params.adapt);
+    }
     let body = Arc::new(BodyModel::builtin().shape_for_stature(stature_m, None));
     let header = RunHeader {
         inputs: inputs(job),
@@ -135,8 +146,6 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
         body: body.clone(),
     };
     let (mut writer, resumed) = RunWriter::open(&job.out, job.existing, header)?;
-    let ActivityModel { prior, predictor } = ActivityModel::builtin(job.activity);
-    let predictor = predictor_for(job, predictor, &known.camera, &mut assumptions)?;
     let mut follower = Follower::new(Scene {
         body: body.clone(),
         camera: known.camera,
@@ -181,7 +190,8 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
         window.fill();
         if let Some(record) = record {
             let is_due = (index + 1).is_multiple_of(CHECKPOINT_EVERY);
-            let checkpoint = if is_due { follower.checkpoint()? } else { None };
+            // What a predictor has learned is too large for a journal: such a run is resumed from its beginning.
+            let checkpoint = if is_due && !follower.is_learning() { follower.checkpoint()? } else { None };
             frames.push(record.clone());
             unwritten = Some(Unwritten { record, frame, checkpoint });
         }
@@ -199,6 +209,9 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
                 NobodyFound { input: info.path.display().to_string(), frames: window.reader.n_read }.into()
             }
         });
+    }
+    if let (Some(path), Some(predictor)) = (&job.save_predictor, follower.learned_predictor()) {
+        predictor.write(path)?;
     }
     writer.finish(cut_short_by.as_ref().map(|error| format!("{error:#}")).as_deref())?;
     match cut_short_by {

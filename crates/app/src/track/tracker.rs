@@ -11,8 +11,8 @@ use pf_core::proposal::{MixtureConfig, MixtureProposal};
 use pf_core::schedule::{DiffusionConfig, Geometric, GeometricConfig};
 use pf_core::scratch::with_buffer;
 use pf_core::{
-    Filter, FilterConfig, FilterParams, FilterState, Gaussian, Likelihood as _, RandomWalk, StateSpace as _,
-    Step,
+    Filter, FilterConfig, FilterParams, FilterState, Gaussian, LayerView, Likelihood as _, Observer,
+    RandomWalk, StateSpace as _, Step,
 };
 use render_gpu::ScoreError;
 use silhouette::Mask;
@@ -88,6 +88,20 @@ pub struct Tracker {
     badly_explained: u32,
     /// Largest ln p(mask|state) of the last frame.
     fit: f64,
+    /// The particles of the last frame as they were proposed, before the mask had a say.
+    proposed: Vec<BodyState>,
+}
+
+/// Keeps the particles of the first layer.
+struct Proposed<'a>(&'a mut Vec<BodyState>);
+
+impl Observer<BodyState> for Proposed<'_> {
+    fn layer_done(&mut self, view: &LayerView<'_, BodyState>) {
+        if view.stats.layer == 0 {
+            self.0.clear();
+            self.0.extend_from_slice(view.states);
+        }
+    }
 }
 
 /// What a tracker remembers between frames.
@@ -268,7 +282,16 @@ impl Tracker {
             _ => BodyProposal::Motion(walk),
         };
         let filter = Filter::annealed(space, proposal, schedule, moves, filter_params);
-        Ok(Self { scene, stream, likelihood, filter, unseen: 0, badly_explained: 0, fit: f64::NEG_INFINITY })
+        Ok(Self {
+            scene,
+            stream,
+            likelihood,
+            filter,
+            unseen: 0,
+            badly_explained: 0,
+            fit: f64::NEG_INFINITY,
+            proposed: Vec::new(),
+        })
     }
 
     /// A tracker that goes on where another of the same scene gave out `state`; what follows is equal bit for bit.
@@ -317,6 +340,26 @@ impl Tracker {
         self.scene.body.joints_world(pose)
     }
 
+    /// The particles of the last frame with a mask as they were proposed, before the mask had a say; of a
+    /// [joint](Method::Jpf) filter, those that the predictor drew among them.
+    pub fn proposed(&self) -> &[BodyState] {
+        &self.proposed
+    }
+
+    /// The particles of the last frame.
+    pub fn particles(&self) -> &[BodyState] {
+        self.filter.particles()
+    }
+
+    /// The `n` heaviest particles of the last frame as poses, with their weights, heaviest first.
+    pub fn best_particles(&self, n: usize) -> Vec<(Pose, f64)> {
+        let (states, weights) = (self.filter.particles(), self.filter.weights().as_slice());
+        let mut order: Vec<usize> = (0..states.len()).collect();
+        order.sort_by(|&a, &b| weights[b].total_cmp(&weights[a]));
+        let best = order.into_iter().take(n);
+        best.map(|particle| (self.filter.space().pose(&states[particle]), weights[particle])).collect()
+    }
+
     /// Intersection over union of the body in `pose` and the mask of the last step.
     ///
     /// # Errors
@@ -347,7 +390,7 @@ impl Tracker {
     pub fn step(&mut self, seen: &Observation) -> anyhow::Result<FrameRecord> {
         self.unseen = 0;
         self.likelihood.overlap.set_mask(&seen.mask)?;
-        let figures = match self.filter.step(seen, &mut self.likelihood, &mut ())? {
+        let figures = match self.filter.step(seen, &mut self.likelihood, &mut Proposed(&mut self.proposed))? {
             Step::Tracked(view) => view
                 .layers
                 .last()
@@ -435,6 +478,7 @@ impl Tracker {
             effective_sample_size: weights.effective_sample_size(),
             unique_ancestors: 0,
             log_evidence: 0.0,
+            learned: None,
         }
     }
 }

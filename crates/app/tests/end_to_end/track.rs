@@ -156,6 +156,57 @@ fn a_killed_run_is_resumed_to_the_same_bytes() {
     assert_eq!(fs::read_dir(clip.path("killed/overlay")).expect("overlays").count(), 5);
 }
 
+#[test]
+fn a_run_that_learns_says_what_and_keeps_it() {
+    let clip = Clip::of_balance(14);
+    let track = |out: &str, threads: &str| {
+        let mut track = clip.track(out);
+        track.args(["--adapt", "4", "--threads", threads]);
+        track
+    };
+    Answer::of(track("one", "1").arg("--save-predictor").arg(clip.path("learned.bin"))).succeeded();
+    Answer::of(track("two", "2").arg("--save-predictor").arg(clip.path("learned-two.bin"))).succeeded();
+    assert_same_contents(&clip.path("one"), &clip.path("two"));
+    let predictor = |name: &str| fs::read(clip.path(name)).expect("a predictor");
+    assert_eq!(predictor("learned.bin"), predictor("learned-two.bin"));
+
+    let rows = table(&clip.path("one/poses.csv"));
+    assert_eq!(rows[0].len(), 3 + 7 + 49 + 5 + 4);
+    let taught: Vec<_> = rows.iter().filter(|row| !row["log_evidence_gain"].is_empty()).collect();
+    assert!(taught.len() > 3, "{} of {} frames", taught.len(), rows.len());
+    let summary: serde_json::Value =
+        serde_json::from_slice(&fs::read(clip.path("one/summary.json")).expect("summary.json"))
+            .expect("JSON");
+    assert_eq!(summary["learned"]["frames"], taught.len());
+    let info = Answer::of(umbra().arg("info").arg(clip.path("one"))).succeeded();
+    assert!(info.stdout.contains(&format!("learned from {} frames", taught.len())), "{}", info.stdout);
+
+    // What it learned is used by the next run, and changes it.
+    Answer::of(&mut clip.track("plain")).succeeded();
+    Answer::of(clip.track("taught").arg("--predictor").arg(clip.path("learned.bin"))).succeeded();
+    let poses = |out: &str| fs::read(clip.path(out).join("poses.csv")).expect("poses");
+    assert_ne!(poses("plain"), poses("taught"));
+
+    Answer::of(clip.track("apf").args(["--adapt", "4", "--method", "apf"]))
+        .failed(1, &["settings: `adapt` is 4, expected 0", "the method is APF"]);
+    Answer::of(clip.track("many").args(["--adapt", "1000"])).failed(1, &["`adapt` is 1000, expected 0 to"]);
+}
+
+#[test]
+fn a_killed_run_that_learns_begins_anew() {
+    let clip = Clip::of_balance(24);
+    let track = |out: &str| {
+        let mut track = clip.track(out);
+        track.args(["--adapt", "2"]);
+        track
+    };
+    Answer::of(&mut track("whole")).succeeded();
+    let mut running = track("killed").stderr(std::process::Stdio::null()).spawn().expect("it starts");
+    kill_after_frames(&mut running, &clip.path("killed/journal.bin"), 11);
+    Answer::of(track("killed").arg("--resume")).succeeded();
+    assert_same_contents(&clip.path("whole"), &clip.path("killed"));
+}
+
 /// Kills the program as soon as its journal holds so many frames.
 fn kill_after_frames(running: &mut Child, journal: &Path, n_frames: usize) {
     let deadline = Instant::now() + Duration::from_secs(300);
