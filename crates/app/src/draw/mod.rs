@@ -1,14 +1,16 @@
-//! Pictures of a tracked body: shaded over the frame, with outlines and skeleton, and a strip of such pictures.
+//! Pictures of a tracked body: shaded over the frame, with outlines and skeleton, and a strip of such pictures; charts.
 //!
 //! Everything here takes plain slices in pixels and metres and knows nothing of cameras, poses or files.
 
 mod canvas;
+mod chart;
 mod filmstrip;
 mod outline;
 mod overlay;
 mod raster;
 
 pub use canvas::Canvas;
+pub use chart::{Chart, Marks, Series};
 pub use filmstrip::{Filmstrip, StripFrame};
 pub use outline::{Outline, outlines};
 pub use overlay::{Overlay, OverlayScene, paint_overlay};
