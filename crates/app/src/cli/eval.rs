@@ -91,10 +91,19 @@ pub struct StageArgs {
     /// Also replace the pose by a wrong one in the middle of each track, and count how often the tracker finds back.
     #[arg(long)]
     recovery: bool,
+    /// Also let predictors learn from 1, 4 and 10 particles of each frame, and measure how far their predictions are off.
+    #[arg(long)]
+    updates: bool,
     /// So many of the test frames only.
     #[arg(long, value_name = "N")]
     frames: Option<usize>,
-    /// Where eval.json goes.
+    /// A Markdown file whose tables of such results are replaced, each between its two marker lines.
+    #[arg(long, value_name = "FILE")]
+    results: Option<PathBuf>,
+    /// Of the tables of this run only these go there, separated by commas: kinds of masks, recovery, updates [default: all].
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "results")]
+    tables: Vec<String>,
+    /// Where eval.json and the plots go.
     #[arg(long, value_name = "FOLDER", default_value = "runs/eval-stage")]
     out: PathBuf,
     /// Worker threads; the results do not depend on them [default: one a core].
@@ -253,8 +262,14 @@ pub fn run(command: &EvalCommand) -> anyhow::Result<()> {
                 models: args.models.clone(),
                 seeds: args.seeds,
                 recovery: args.recovery,
+                updates: args.updates,
                 frames: args.frames,
                 out: args.out.clone(),
+                results: args.results.clone().map(|path| stage::ResultsFile {
+                    path,
+                    command: own_command(),
+                    tables: args.tables.clone(),
+                }),
                 config: args.settings.config_over(stage::default_config(args.train))?,
                 exec: exec_config(args.threads)?,
             })?;
@@ -280,6 +295,15 @@ pub fn run(command: &EvalCommand) -> anyhow::Result<()> {
     };
     std::io::stdout().write_all(table.as_bytes())?;
     Ok(())
+}
+
+/// The command as it was given, for those who have the sources.
+fn own_command() -> String {
+    let words = std::env::args().skip(1).map(|word| {
+        let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./,=".contains(c);
+        if word.chars().all(is_plain) { word } else { format!("'{word}'") }
+    });
+    ["cargo".to_owned(), "xtask".to_owned()].into_iter().chain(words).collect::<Vec<_>>().join(" ")
 }
 
 /// Runs `work` on so many threads.

@@ -17,5 +17,5 @@ pub use examples::Examples;
 pub use fit::{DescriptorKind, TrainConfig, fit_predictor};
 pub use frames::{STATURE_SD_M, TrainingFrames, first_markers, sequence_masks};
 pub use recorded::Recordings;
-pub use sequence::train_on_sequence;
+pub use sequence::{examples_of_frames, notice_of, train_on_frames, train_on_sequence};
 pub use transition::train_transitions;

@@ -91,7 +91,14 @@ impl Recordings {
     #[must_use]
     pub fn without(&self, performers: &[String]) -> Self {
         let is_other = |clip: &&Recording| !clip.performers.iter().any(|name| performers.contains(name));
-        Self { notices: self.notices.clone(), clips: self.clips.iter().filter(is_other).cloned().collect() }
+        let mut notices = self.notices.clone();
+        notices.push(format!("Without the performers {}.", performers.join(", ")));
+        Self { notices, clips: self.clips.iter().filter(is_other).cloned().collect() }
+    }
+
+    /// Sources and terms of the recordings, and who is left out.
+    pub fn notice(&self) -> String {
+        self.notices.join("\n")
     }
 
     /// Whether somebody does it.
@@ -109,7 +116,7 @@ impl Recordings {
     /// When too few poses show the activity.
     pub fn prior(&self, activity: Activity) -> anyhow::Result<PosePrior> {
         let motions: Vec<Motion> = self.of(activity).map(|clip| clip.motion.clone()).collect();
-        PosePrior::learn(&motions, &self.notices.join("\n"), &PosePriorConfig::default())
+        PosePrior::learn(&motions, &self.notice(), &PosePriorConfig::default())
             .with_context(|| format!("cannot learn the poses of `{}`", activity.name()))
     }
 
@@ -121,7 +128,7 @@ impl Recordings {
         let mut examples = self.examples(activity, config)?;
         examples.mirror();
         let training = Training {
-            notice: self.notices.join("\n"),
+            notice: self.notice(),
             activity: activity.name().to_owned(),
             camera_height_m: CAMERA_HEIGHT_M,
             n_masks: examples.len() as u64,

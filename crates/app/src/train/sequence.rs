@@ -10,7 +10,10 @@ use super::{Examples, TrainConfig, fit_predictor};
 use crate::predict::{PosePredictor, Training, ViewedPose};
 
 /// The frames numbered `chosen` as their camera saw them, and rendered views of their poses.
-pub(super) fn examples_of_frames(
+///
+/// # Errors
+/// When none of them shows a person and has valid joints.
+pub fn examples_of_frames(
     frames: &TrainingFrames<'_>,
     chosen: &[usize],
     config: &TrainConfig,
@@ -42,13 +45,18 @@ pub(super) fn examples_of_frames(
 /// What a predictor trained on `examples` of a sequence was trained for.
 pub(super) fn training_of(frames: &TrainingFrames<'_>, examples: &Examples) -> anyhow::Result<Training> {
     let height_m = frames.sequence.camera(&frames.camera)?.centre_world().z;
-    let Range { start, end } = frames.range();
     Ok(Training {
-        notice: format!("frames {start} to {} of {}", end - 1, frames.sequence.title()),
+        notice: notice_of(frames),
         activity: frames.sequence.activity.to_lowercase(),
         camera_height_m: [height_m; 2],
         n_masks: examples.len() as u64,
     })
+}
+
+/// Which frames a predictor of a sequence learned from, as [`Training::notice`] says it.
+pub fn notice_of(frames: &TrainingFrames<'_>) -> String {
+    let Range { start, end } = frames.range();
+    format!("frames {start} to {} of {}", end - 1, frames.sequence.title())
 }
 
 /// A predictor for one person, activity and camera.
@@ -56,7 +64,18 @@ pub(super) fn training_of(frames: &TrainingFrames<'_>, examples: &Examples) -> a
 /// # Errors
 /// When there is too little to learn from.
 pub fn train_on_sequence(frames: &TrainingFrames<'_>, config: &TrainConfig) -> anyhow::Result<PosePredictor> {
-    let all: Vec<usize> = frames.range().collect();
-    let examples = examples_of_frames(frames, &all, config)?;
+    train_on_frames(frames, &frames.range().collect::<Vec<_>>(), config)
+}
+
+/// The same of the training frames numbered `chosen` alone.
+///
+/// # Errors
+/// When there is too little to learn from.
+pub fn train_on_frames(
+    frames: &TrainingFrames<'_>,
+    chosen: &[usize],
+    config: &TrainConfig,
+) -> anyhow::Result<PosePredictor> {
+    let examples = examples_of_frames(frames, chosen, config)?;
     fit_predictor(&examples, &frames.motion.rest, training_of(frames, &examples)?, config)
 }

@@ -4,43 +4,45 @@
 //! from the training frames of the same sequence, or nothing is learned at all (`none`): then the models that the program
 //! ships are scored on people they have not seen.
 
+mod coverage;
+mod plots;
 mod recovery;
+mod results;
+mod rows;
 pub mod score;
 mod table;
+mod updates;
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context as _, bail, ensure};
 use body::pose_prior::{PosePrior, PosePriorConfig};
 use body::{Body, BodyModel};
-use rayon::prelude::*;
 use serde::Serialize;
 use silhouette::Mask;
 
+use self::coverage::Associations;
 pub use self::recovery::RecoveryRow;
-use self::score::{TrackErrors, TrueFrame, moving_dofs, score};
+pub use self::results::ResultsFile;
+pub use self::rows::{SeedErrors, StageRow};
+use self::score::moving_dofs;
 pub use self::table::table;
-use super::joint_error::mean;
+pub use self::updates::UpdatesRow;
 use super::write_json;
 use crate::config::{ExecConfig, Method, TrackConfig, TrackParams};
 use crate::predict::{Activity, ActivityModel, PosePredictor, TransitionPredictor};
 use crate::progress::Progress;
-use crate::run_folder::FrameRecord;
 use crate::shape::{ShapeConfig, Told, light_tracking, shape_from_masks};
 use crate::stage::{FittedSequence, Sequence, fit_sequence, personal_joints};
-use crate::track::follower::Follower;
 use crate::track::pose_model::{FreeJoints, PoseModel, pose_model};
 use crate::track::refine::Refiner;
-use crate::track::tracker::Scene;
 use crate::train::{
-    Recordings, STATURE_SD_M, TrainConfig, TrainingFrames, first_markers, sequence_masks, train_on_sequence,
-    train_transitions,
+    Recordings, STATURE_SD_M, TrainConfig, TrainingFrames, first_markers, notice_of, sequence_masks,
+    train_on_sequence, train_transitions,
 };
 
-/// Masks beyond the current one that a tracker is shown.
-const LOOK_AHEAD: usize = 12;
 /// The camera of most rows.
 const MAIN_CAMERA: &str = "C2";
 /// The row of the other view: subject, activity and camera.
@@ -84,46 +86,18 @@ pub struct StageEval {
     pub seeds: u64,
     /// Whether to study what becomes of a pose that is suddenly wrong.
     pub recovery: bool,
+    /// Whether to study what predictors learn from the tracker.
+    pub updates: bool,
     /// Test frames of each sequence; all when absent.
     pub frames: Option<usize>,
-    /// Where `eval.json` goes.
+    /// Where `eval.json` and the plots go.
     pub out: PathBuf,
+    /// A Markdown file whose tables are replaced, and the command that stands above them.
+    pub results: Option<ResultsFile>,
     /// Settings of every run, but for the seed, the stature and the motions expected.
     pub config: TrackConfig,
     /// Threads.
     pub exec: ExecConfig,
-}
-
-/// One line of the table: means over seeds and their spread (standard deviation).
-#[derive(Clone, Debug, Serialize)]
-pub struct StageRow {
-    /// Subject.
-    pub subject: String,
-    /// Activity.
-    pub activity: String,
-    /// Camera.
-    pub camera: String,
-    /// Tracker.
-    pub method: Method,
-    /// Kind of masks.
-    pub masks: String,
-    /// Means over seeds.
-    #[serde(flatten)]
-    pub mean: TrackErrors,
-    /// Standard deviations over seeds.
-    pub spread: TrackErrors,
-    /// Each seed.
-    pub seeds: Vec<SeedErrors>,
-}
-
-/// The errors of one run.
-#[derive(Clone, Debug, Serialize)]
-pub struct SeedErrors {
-    /// Means over frames.
-    #[serde(flatten)]
-    pub mean: TrackErrors,
-    /// The root-relative error of each frame, mm.
-    pub frames_root_mm: Vec<f64>,
 }
 
 /// What `eval.json` holds.
@@ -139,6 +113,11 @@ pub struct StageReport {
     pub rows: Vec<StageRow>,
     /// What becomes of a pose that is suddenly wrong, where it was asked for.
     pub recovery: Vec<RecoveryRow>,
+    /// Multimodality of the training examples, sum over sequences: weight of the clusters of masks that go with n clusters of
+    /// poses, at index n - 1.
+    pub multimodality: Vec<f64>,
+    /// How predictors fare that learn from the tracker, where it was asked for.
+    pub updates: Vec<UpdatesRow>,
 }
 
 /// Runs the evaluation, writes `eval.json` and returns the report.
@@ -154,6 +133,9 @@ pub fn evaluate(eval: &StageEval) -> anyhow::Result<StageReport> {
 }
 
 fn run(eval: &StageEval) -> anyhow::Result<StageReport> {
+    if let Some(results) = &eval.results {
+        results::check(results, eval)?;
+    }
     let sequences = asked_for(eval)?;
     let recordings = match eval.train {
         TrainOn::Others => Some(recordings(eval)?),
@@ -173,10 +155,12 @@ fn run(eval: &StageEval) -> anyhow::Result<StageReport> {
             }
         }
     }
+    let associations: Vec<Option<Associations>> =
+        prepared.iter().map(|prepared| Associations::of(prepared, eval)).collect::<anyhow::Result<_>>()?;
     let mut progress = Progress::start("tracking", 0, Some(jobs.len() as u64));
     let mut rows = Vec::new();
     for (index, camera, kind) in jobs {
-        rows.extend(prepared[index].rows(eval, camera, kind)?);
+        rows.extend(prepared[index].rows(eval, camera, kind, associations[index].as_ref())?);
         progress.advance();
     }
     let mut recovery = Vec::new();
@@ -187,9 +171,19 @@ fn run(eval: &StageEval) -> anyhow::Result<StageReport> {
             progress.advance();
         }
     }
+    let mut updates = Vec::new();
+    if eval.updates {
+        let mut progress = Progress::start("learning", 0, Some(prepared.len() as u64));
+        for prepared in &prepared {
+            updates.extend(updates::study(prepared, eval)?);
+            progress.advance();
+        }
+    }
     let report = StageReport {
         data: eval.data.clone(),
         recovery,
+        updates,
+        multimodality: coverage::histogram(associations.iter().flatten()),
         train: eval.train,
         fit_residual_mm: prepared
             .iter()
@@ -198,6 +192,10 @@ fn run(eval: &StageEval) -> anyhow::Result<StageReport> {
         rows,
     };
     write_json(&eval.out, &report)?;
+    plots::write(&eval.out, &report)?;
+    if let Some(results) = &eval.results {
+        results::write(results, eval, &report)?;
+    }
     Ok(report)
 }
 
@@ -245,20 +243,6 @@ fn asked_for(eval: &StageEval) -> anyhow::Result<Vec<Sequence>> {
         true => kept.map(Sequence::for_validation).collect(),
         false => kept.collect(),
     })
-}
-
-/// The records of the frames of `range`; `masks` are those of all frames.
-fn follow(
-    follower: &mut Follower,
-    masks: &[Mask],
-    range: std::ops::Range<usize>,
-) -> anyhow::Result<Vec<FrameRecord>> {
-    let mut records = Vec::with_capacity(range.len());
-    for frame in range {
-        let window: Vec<&Mask> = masks[frame..].iter().take(LOOK_AHEAD).collect();
-        records.extend(follower.step(frame as u64, &window)?);
-    }
-    Ok(records)
 }
 
 /// The cameras of a sequence's rows.
@@ -347,94 +331,6 @@ impl Prepared {
             sequence,
         })
     }
-
-    /// The rows of one camera and kind of masks: one for each tracker.
-    fn rows(&self, eval: &StageEval, camera: &str, kind: &str) -> anyhow::Result<Vec<StageRow>> {
-        let masks = self.masks(camera, kind)?;
-        let runs: Vec<(Method, u64)> =
-            eval.methods.iter().flat_map(|method| (1..=eval.seeds).map(|seed| (*method, seed))).collect();
-        let errors: Vec<SeedErrors> = runs
-            .into_par_iter()
-            .map(|(method, seed)| {
-                let config = TrackConfig { seed, method, ..eval.config.clone() };
-                let records = self.track(config, camera, &masks)?;
-                let frames_root_mm = (0..records.len())
-                    .filter(|frame| self.sequence.markers[self.sequence.test.start + frame].is_some())
-                    .map(|frame| self.score_from(&records[frame..=frame], frame).root_mm)
-                    .collect();
-                Ok(SeedErrors { mean: self.score_from(&records, 0), frames_root_mm })
-            })
-            .collect::<anyhow::Result<_>>()?;
-        let by_method = eval.methods.iter().zip(errors.chunks(eval.seeds as usize));
-        let rows = by_method.map(|(method, seeds)| {
-            let (mean, spread) = mean_and_spread(seeds);
-            StageRow {
-                subject: self.sequence.subject.clone(),
-                activity: self.sequence.activity.clone(),
-                camera: camera.to_owned(),
-                method: *method,
-                masks: kind.to_owned(),
-                mean,
-                spread,
-                seeds: seeds.to_vec(),
-            }
-        });
-        Ok(rows.collect())
-    }
-
-    fn n_frames(&self) -> usize {
-        self.truth.motion.poses.len()
-    }
-
-    /// The masks of the test frames.
-    fn masks(&self, camera: &str, kind: &str) -> anyhow::Result<Vec<Mask>> {
-        let start = self.sequence.test.start;
-        sequence_masks(&self.sequence, camera, kind, &(start..start + self.n_frames()))
-    }
-
-    /// A follower of the person before `camera` that has seen nothing yet.
-    fn follower(&self, config: TrackConfig, camera: &str) -> anyhow::Result<Follower> {
-        let config = TrackConfig { stature_m: Some(self.sequence.stature_m), ..config };
-        Ok(Follower::new(Scene {
-            body: self.body.clone(),
-            camera: self.sequence.camera(camera)?,
-            model: self.model.clone(),
-            predictor: self.predictor.clone(),
-            transitions: self.transitions.clone(),
-            refiner: Some(self.refiner.clone()),
-            fps: self.sequence.fps,
-            params: TrackParams::new(config)?,
-        }))
-    }
-
-    fn track(&self, config: TrackConfig, camera: &str, masks: &[Mask]) -> anyhow::Result<Vec<FrameRecord>> {
-        let mut follower = self.follower(config, camera)?;
-        let records = follow(&mut follower, masks, 0..masks.len())?;
-        ensure!(
-            records.len() == masks.len(),
-            "{}: nobody was seen on {} frames",
-            self.sequence.folder.display(),
-            masks.len() - records.len()
-        );
-        Ok(records)
-    }
-
-    /// The errors of `records`, the first of which is about test frame `first`.
-    fn score_from(&self, records: &[FrameRecord], first: usize) -> TrackErrors {
-        let (mut kept, mut truth) = (Vec::new(), Vec::new());
-        for (index, record) in (first..).zip(records) {
-            let frame = self.sequence.test.start + index;
-            if let Some(markers) = &self.sequence.markers[frame] {
-                kept.push(record.clone());
-                truth.push(TrueFrame {
-                    markers,
-                    rotations: &self.sequence.rotations[frame],
-                    fitted: &self.truth.motion.poses[index],
-                });
-            }
-        }
-        score(&kept, &truth, self.body.rest_joints(), &self.moving_dofs)
-    }
 }
 
 /// The body that the masks of `range` show before the main camera, as tall as the subject is; where they do not tell, the most
@@ -462,7 +358,7 @@ fn predictor_of(
     let Some(folder) = &eval.models else { return train_on_sequence(frames, config) };
     let path = folder.join(frames.sequence.model_file_name());
     if path.is_file() {
-        return PosePredictor::read(&path);
+        return kept_predictor(&path, &notice_of(frames));
     }
     let predictor = train_on_sequence(frames, config)?;
     predictor.write(&path)?;
@@ -491,32 +387,43 @@ fn predictor_of_others(
     let without = sequence.performers.join("-");
     let path = folder.join(format!("predict-{}-without-{without}.bin", activity.name()));
     if path.is_file() {
-        return PosePredictor::read(&path);
+        return kept_predictor(&path, &others.notice());
     }
     let predictor = others.predictor(activity, &config)?;
     predictor.write(&path)?;
     Ok(predictor)
 }
 
-fn mean_and_spread(seeds: &[SeedErrors]) -> (TrackErrors, TrackErrors) {
-    let over = |figure: fn(&TrackErrors) -> f64| {
-        let average = mean(seeds.iter().map(|seed| figure(&seed.mean)));
-        let variance = seeds.iter().map(|seed| (figure(&seed.mean) - average).powi(2)).sum::<f64>();
-        (average, (variance / (seeds.len().max(2) - 1) as f64).sqrt())
-    };
-    let figures: [(f64, f64); 7] = [
-        over(|e| e.root_mm),
-        over(|e| e.abs_mm),
-        over(|e| e.aligned_mm),
-        over(|e| e.euler_deg),
-        over(|e| e.geodesic_deg),
-        over(|e| e.lost),
-        over(|e| e.far_off),
-    ];
-    let errors = |pick: fn(&(f64, f64)) -> f64| {
-        let [root_mm, abs_mm, aligned_mm, euler_deg, geodesic_deg, lost, far_off] =
-            [0, 1, 2, 3, 4, 5, 6].map(|i| pick(&figures[i]));
-        TrackErrors { root_mm, abs_mm, aligned_mm, euler_deg, geodesic_deg, lost, far_off }
-    };
-    (errors(|f| f.0), errors(|f| f.1))
+/// The predictor in a file, which must have learned from the frames that `expected` names: those of another run may be this
+/// run's test frames.
+fn kept_predictor(path: &Path, expected: &str) -> anyhow::Result<PosePredictor> {
+    let predictor = PosePredictor::read(path)?;
+    let found = &predictor.training().notice;
+    ensure!(
+        found == expected,
+        "{}: `training.notice` is \"{found}\", expected \"{expected}\": remove the file or name another folder",
+        path.display()
+    );
+    Ok(predictor)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_predictor_of_other_frames_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("S3-Jog_1.bin");
+        let shipped = ActivityModel::builtin(Activity::Any).predictor;
+        shipped.write_small(&path).unwrap();
+        let own = &shipped.training().notice;
+        assert!(kept_predictor(&path, own).is_ok());
+        let error = kept_predictor(&path, "frames 200 to 523 of S3 Jog").unwrap_err().to_string();
+        assert!(error.contains("S3-Jog_1.bin: `training.notice` is \""), "{error}");
+        assert!(
+            error.contains(own.as_str()) && error.contains("expected \"frames 200 to 523 of S3 Jog\""),
+            "{error}"
+        );
+    }
 }

@@ -7,7 +7,8 @@ use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{MAIN_CAMERA, Prepared, StageEval, follow};
+use super::rows::follow;
+use super::{MAIN_CAMERA, Prepared, StageEval};
 use crate::config::{Method, TrackConfig};
 
 /// The frame on which the pose is replaced,
@@ -58,16 +59,18 @@ pub(super) fn study(prepared: &Prepared, eval: &StageEval) -> anyhow::Result<Vec
     let recovered: Vec<[bool; WRONG_POSES.len()]> = runs
         .par_iter()
         .map(|(method, seed)| {
-            let config = TrackConfig { seed: *seed, method: *method, ..eval.config.clone() };
+            // A predictor that learns would go into a trial with what it learned in the one before.
+            let config = TrackConfig { seed: *seed, method: *method, adapt: 0, ..eval.config.clone() };
             let mut follower = prepared.follower(config, MAIN_CAMERA)?;
-            let before = follow(&mut follower, &masks, 0..REPLACED_AT)?;
+            let before = follow(&mut follower, &masks, 0..REPLACED_AT, |_, _| ())?;
             let pose = &before[REPLACED_AT - 1].pose;
             let Some(checkpoint) = follower.checkpoint()? else { return Ok([false; WRONG_POSES.len()]) };
             let mut recovered = [false; WRONG_POSES.len()];
             for (recovered, (_, wrong)) in recovered.iter_mut().zip(WRONG_POSES) {
                 follower.restore(&checkpoint)?;
                 follower.displace(&wrong(pose, camera))?;
-                let after = follow(&mut follower, &masks, REPLACED_AT..REPLACED_AT + FRAMES_TO_RECOVER)?;
+                let frames = REPLACED_AT..REPLACED_AT + FRAMES_TO_RECOVER;
+                let after = follow(&mut follower, &masks, frames, |_, _| ())?;
                 let last = REPLACED_AT + FRAMES_TO_RECOVER - 1;
                 let errors = prepared.score_from(&after[FRAMES_TO_RECOVER - 1..], last);
                 *recovered = errors.root_mm < RECOVERED_MM;
