@@ -21,6 +21,9 @@ const NEW_CENTRE: usize = usize::MAX - 1;
 const BIAS: usize = usize::MAX;
 /// Part of a sample's weight added to the products of kernels, which are nearly dependent where centres crowd.
 const RIDGE: f64 = 1e-6;
+/// Gain in log evidence over the weight of all samples above which an update is no news but lost digits: a single input cannot
+/// make every sample so much more likely. Seen where functions keep centres instead of samples, which are nearly dependent.
+const MOST_GAIN_A_SAMPLE: f64 = 1.0;
 /// Rounds that settle where a class function is linearised.
 const LINEARISATIONS: usize = 3;
 
@@ -152,7 +155,8 @@ impl Place<'_> {
         report.log_evidence_gain = (model.log_evidence() - before).max(0.0);
         let is_sound = model.noise_variance() > 0.0
             && model.mean().iter().chain(model.precisions()).all(|v| v.is_finite())
-            && model.log_evidence().is_finite();
+            && model.log_evidence().is_finite()
+            && report.log_evidence_gain <= MOST_GAIN_A_SAMPLE * total_weight;
         let number = |&at: &usize| match function.bases.get(at) {
             Some(&basis) if basis == self.n_centres => BIAS,
             Some(&basis) => basis,
