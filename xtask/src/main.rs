@@ -26,6 +26,7 @@ checks
 runs of `umbra`, built in release; the arguments are passed on
   assets ...            make the body model the program ships
   fixtures ...          make the clips under fixtures/
+  train ...             learn poses of people at large, and their predictors
   train-shape ...       learn what a fitted body says of girths, weight and gender
   eval real ...         score tracking on a folder laid out as a recorded clip
   eval stage ...        score trackers on a stage-like data set
@@ -59,7 +60,7 @@ fn run(args: &[String]) -> Result<ExitCode> {
             let bench = ["bench", "--workspace", "--bench", "*", "--"];
             workspace::cargo(bench.iter().chain(filter))
         }
-        ["assets" | "fixtures" | "train-shape", ..]
+        ["assets" | "fixtures" | "train" | "train-shape", ..]
         | [
             "eval",
             "real" | "shape" | "stage" | "stage-masks" | "girths" | "register" | "biosig" | "shape-space",

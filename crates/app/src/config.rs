@@ -115,6 +115,8 @@ pub struct TrackConfig {
     pub cue_exponent: f64,
     /// Best particles of each frame that the predictor learns from; with none it stays as it is.
     pub adapt: u32,
+    /// Frames that the answer waits for those after it, which then have a say in it; none at 0.
+    pub smooth: u32,
     /// Which motions are expected.
     pub motion: Motion,
     /// Principal components kept by [`Motion::Captured`].
@@ -172,6 +174,7 @@ impl Default for TrackConfig {
             least_share: 0.05,
             cue_exponent: 0.35,
             adapt: 0,
+            smooth: 0,
             motion: Motion::Any,
             components: 12,
             stature_m: None,
@@ -233,6 +236,7 @@ impl TrackParams {
         )?;
         check("least_share", c.least_share, 1e-6..=0.5, "0.000001 to 0.5")?;
         check("cue_exponent", c.cue_exponent, 0.0..=1.0, "0 to 1")?;
+        check("smooth", f64::from(c.smooth), 0.0..=1000.0, "0 to 1000 frames")?;
         check("adapt", f64::from(c.adapt), 0.0..=f64::from(c.particles), "0 to `particles`")?;
         if let Some(stature_m) = c.stature_m {
             check("stature_m", stature_m, 1.2..=2.3, "1.2 to 2.3 metres")?;

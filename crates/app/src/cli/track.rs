@@ -111,6 +111,10 @@ pub struct SettingsArgs {
     /// The tracker [default: jpf, which is apf where no predictor is at hand].
     #[arg(long, value_enum)]
     method: Option<Method>,
+    /// Let the frames after one choose between its readings and steady it: the answer comes so many frames later (for a live
+    /// stream, a few). A resumed run begins anew.
+    #[arg(long, value_name = "FRAMES", num_args = 0..=1, default_missing_value = "15")]
+    smooth: Option<u32>,
     #[arg(long, value_name = "N", help = or_else("Best particles of each frame that the predictor learns from, which makes a resumed run begin anew", defaults().adapt))]
     adapt: Option<u32>,
     /// What particles weigh under jpf [default: paper].
@@ -156,6 +160,7 @@ impl SettingsArgs {
         set(&mut config.modes, self.modes);
         set(&mut config.method, self.method);
         set(&mut config.adapt, self.adapt);
+        set(&mut config.smooth, self.smooth);
         set(&mut config.weighting, self.weighting);
         set(&mut config.motion, self.motion);
         config.stature_m = self.stature_m.or(config.stature_m);

@@ -19,12 +19,13 @@ pub struct TrainArgs {
     /// A stage-like data set [default: as UMBRA_DATA names it].
     #[arg(long, value_name = "FOLDER")]
     stage: Option<PathBuf>,
-    /// Sequences of it, as `S1/Walking_1`.
-    #[arg(long, value_name = "SEQUENCE", num_args = 1.., required_unless_present = "recordings")]
+    /// Sequences of it, as `S1/Walking_1`. Without any, the models that the program ships are trained: priors over the poses
+    /// of recorded people and of the training frames of the stage-like data set, and predictors on masks rendered of them. Models
+    /// that are in the output folder already are kept: an interrupted training goes on there.
+    #[arg(long, value_name = "SEQUENCE", num_args = 1..)]
     sequence: Vec<String>,
-    /// Train the models that the program ships instead, on masks rendered from the recorded motion in this folder
-    /// (`cmu`), and the priors that go with them; with --stage, the motion of its training frames counts, too. Models that are
-    /// in the output folder already are kept: an interrupted training goes on there.
+    /// The folder of recorded motion for those; without --stage, they learn from it alone [default: cmu of the data folder, and
+    /// its stage].
     #[arg(long, value_name = "FOLDER", visible_alias = "cmu", conflicts_with = "sequence")]
     recordings: Option<PathBuf>,
     /// The camera whose masks are learned from.
@@ -80,8 +81,8 @@ impl TrainArgs {
 
 /// Trains, or validates, one sequence after the other.
 pub fn run(args: &TrainArgs) -> anyhow::Result<()> {
-    if let Some(recordings) = &args.recordings {
-        return train_shipped(recordings, args);
+    if args.sequence.is_empty() {
+        return train_shipped(args);
     }
     let stage = data_folder(args.stage.as_deref(), "stage")?;
     let config = args.config();
@@ -112,10 +113,14 @@ pub fn run(args: &TrainArgs) -> anyhow::Result<()> {
 }
 
 /// Every model that is not in the output folder yet.
-fn train_shipped(folder: &Path, args: &TrainArgs) -> anyhow::Result<()> {
-    let mut recordings = Recordings::read(folder)?;
-    if let Some(stage) = &args.stage {
-        recordings.add_stage(&Sequence::read_all(stage)?, &args.camera)?;
+fn train_shipped(args: &TrainArgs) -> anyhow::Result<()> {
+    let (folder, stage) = match &args.recordings {
+        Some(folder) => (folder.clone(), args.stage.clone()),
+        None => (data_folder(None, "cmu")?, Some(data_folder(args.stage.as_deref(), "stage")?)),
+    };
+    let mut recordings = Recordings::read(&folder)?;
+    if let Some(stage) = stage {
+        recordings.add_stage(&Sequence::read_all(&stage)?, &args.camera)?;
     }
     let mut progress = Progress::start("training", 0, Some(Activity::ALL.len() as u64));
     for activity in Activity::ALL {

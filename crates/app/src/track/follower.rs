@@ -5,6 +5,7 @@ use std::sync::Arc;
 use anyhow::Context as _;
 use body::{Camera, Pose};
 use glam::DVec2;
+use pf_core::Gaussian;
 use pf_core::rng::{Draw, Purpose, particle_rng};
 use serde::{Deserialize, Serialize};
 use silhouette::Mask;
@@ -13,8 +14,9 @@ use super::cue::Cue;
 use super::learning::Learner;
 use super::likelihood::Observation;
 use super::modes::{Modes, ModesState};
+use super::smooth::{ReadFrame, Smoother};
 use super::state::BodySpace;
-use super::tracker::{Scene, Tracker};
+use super::tracker::{Scene, Tracker, step_sd};
 use super::travel::Travel;
 use crate::predict::{PosePredictor, TransitionPredictor};
 use crate::run_folder::{FrameRecord, Status};
@@ -31,6 +33,7 @@ pub struct Follower {
     travel: Travel,
     /// The predictor that frames are shown to; that of the scene stays as it was.
     learner: Option<Learner>,
+    smoother: Option<Smoother>,
     following: Option<Following>,
 }
 
@@ -56,11 +59,16 @@ impl Follower {
         let space = BodySpace::new(scene.model.clone());
         let learner = scene.predictor.clone();
         let learner = learner.map(|predictor| Learner::new(predictor, scene.params.adapt as usize));
-        Self { scene, space, travel: Travel::default(), learner, following: None }
+        let smoother = (scene.params.smooth > 0).then(|| {
+            let step = Gaussian::diagonal(step_sd(&scene, 1.0)).expect("motion has deviations above 0");
+            Smoother::new(space.clone(), scene.body.clone(), step, scene.params.smooth as usize)
+        });
+        Self { scene, space, travel: Travel::default(), learner, smoother, following: None }
     }
 
     /// Works on the first of `masks`, that of frame `frame`; the others are those of the frames after it, which a start
-    /// looks at. None before somebody was seen.
+    /// looks at. Gives out the record of this frame, or, when it [smooths](crate::config::TrackConfig::smooth), that of an
+    /// earlier one; none before somebody was seen.
     ///
     /// # Errors
     /// When the masks do not fit the camera.
@@ -76,14 +84,31 @@ impl Follower {
         let Some(following) = &self.following else { return Ok(None) };
         let seen = shows_somebody.then(|| self.observation(frame, masks[0], following.modes.camera()));
         let Some(following) = &mut self.following else { return Ok(None) };
-        let mut record =
-            if let Some(seen) = seen { following.modes.step(&seen)? } else { following.modes.coast()? };
+        let mut record = match &seen {
+            Some(seen) => following.modes.step(seen)?,
+            None => following.modes.coast()?,
+        };
         following.is_lost = record.status == Status::Lost;
         if let Some(learner) = self.learner.as_mut().filter(|learner| learner.wants(&record)) {
             let particles = following.modes.best_particles(learner.n_particles());
             record.learned = Some(learner.learn(masks[0], self.scene.camera.centre_world(), &particles)?);
         }
-        Ok(Some(record))
+        let Some(smoother) = &mut self.smoother else { return Ok(Some(record)) };
+        let mask = seen.map(|seen| (seen.mask, *following.modes.camera()));
+        smoother.push(ReadFrame { record, readings: following.modes.readings().to_vec(), mask })
+    }
+
+    /// Whether somebody was seen.
+    pub fn has_started(&self) -> bool {
+        self.following.is_some()
+    }
+
+    /// Gives out the next record that is held back, once there are no more frames.
+    ///
+    /// # Errors
+    /// As [`Self::step`].
+    pub fn finish(&mut self) -> anyhow::Result<Option<FrameRecord>> {
+        self.smoother.as_mut().map_or(Ok(None), Smoother::pop)
     }
 
     fn start(&self, frame: u64, masks: &[&Mask], heading_deg: Option<f64>) -> anyhow::Result<Following> {
@@ -136,9 +161,9 @@ impl Follower {
         self.learner.as_ref().map(Learner::predictor)
     }
 
-    /// Whether the predictor learns: then [`Self::checkpoint`] does not hold all that is remembered.
-    pub fn is_learning(&self) -> bool {
-        self.learner.as_ref().is_some_and(|learner| learner.n_particles() > 0)
+    /// Whether [`Self::checkpoint`] holds all that is remembered: not what a predictor has learned, nor frames held back.
+    pub fn fits_a_checkpoint(&self) -> bool {
+        self.smoother.is_none() && self.learner.as_ref().is_none_or(|learner| learner.n_particles() == 0)
     }
 
     /// The predictor to be kept, with a note of what it has learned.

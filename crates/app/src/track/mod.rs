@@ -5,7 +5,7 @@
 //! [`overlap`], [`likelihood`] how well a state explains a mask · [`moves`], [`limb`] how particles move · [`start`] where they
 //! begin · [`cue`] what the mask alone says · [`travel`] which way they go · [`proposal`] where a frame's particles come from · [`refine`]
 //! the last steps to the best pose · [`tracker`] frame after frame · [`modes`] several readings side by side · [`learning`] what the predictor makes of
-//! it · [`follower`] losses and new starts · [`pipeline`] from the input to the run folder
+//! it · [`smooth`] what later frames say of it · [`follower`] losses and new starts · [`pipeline`] from the input to the run folder
 
 pub mod camera_choice;
 pub mod clip;
@@ -21,6 +21,7 @@ pub mod pipeline;
 pub mod pose_model;
 pub mod proposal;
 pub mod refine;
+pub mod smooth;
 pub mod start;
 pub mod state;
 pub mod tracker;

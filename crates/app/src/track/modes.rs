@@ -11,6 +11,7 @@ use pf_core::estimate::weighted_mean;
 use rayon::prelude::*;
 
 use super::likelihood::Observation;
+use super::smooth::Reading;
 use super::state::{BodySpace, BodyState};
 use super::tracker::{Scene, Tracker, TrackerState};
 use crate::run_folder::FrameRecord;
@@ -19,14 +20,16 @@ use crate::run_folder::FrameRecord;
 const FIT_MEMORY: f64 = 0.9;
 /// Difference in fit (log-likelihood) at which a mode's weight falls by the factor e. The overlap of a right pose varies
 /// by one or two hundredths, two units at the default sharpness.
-const FIT_SCALE: f64 = 2.0;
+pub(super) const FIT_SCALE: f64 = 2.0;
 /// Modes whose pelvis is turned further than this from the best one's are no reading of the same pose; their mean is none.
-const SAME_READING_RAD: f64 = 1.0;
+pub(super) const SAME_READING_RAD: f64 = 1.0;
 
 /// Trackers of one person, best first or not.
 pub struct Modes {
     space: BodySpace,
     modes: Vec<Mode>,
+    /// What each mode made of the last frame.
+    readings: Vec<Reading>,
 }
 
 struct Mode {
@@ -58,7 +61,7 @@ impl Modes {
     ) -> anyhow::Result<Self> {
         let trackers = Tracker::start(scene, frame, frames, heading_rad)?;
         let modes = trackers.into_iter().map(|(tracker, fit)| Mode { tracker, fit }).collect();
-        Ok(Self { space: BodySpace::new(scene.model.clone()), modes })
+        Ok(Self { space: BodySpace::new(scene.model.clone()), modes, readings: Vec::new() })
     }
 
     /// Goes on where others of the same scene gave out `state`.
@@ -78,7 +81,7 @@ impl Modes {
             .zip(state.fits)
             .map(|(tracker, fit)| Ok(Mode { tracker: Tracker::resume(scene.clone(), tracker)?, fit }));
         let modes = modes.collect::<anyhow::Result<_>>()?;
-        Ok(Self { space: BodySpace::new(scene.model.clone()), modes })
+        Ok(Self { space: BodySpace::new(scene.model.clone()), modes, readings: Vec::new() })
     }
 
     /// All that the modes remember.
@@ -99,7 +102,8 @@ impl Modes {
             *fit = FIT_MEMORY * *fit + (1.0 - FIT_MEMORY) * tracker.fit();
             Ok(record)
         };
-        let records = self.modes.par_iter_mut().map(step).collect::<anyhow::Result<_>>()?;
+        let records = self.modes.par_iter_mut().map(step).collect::<anyhow::Result<Vec<_>>>()?;
+        self.readings = self.readings_of(&records, |mode| mode.tracker.fit());
         self.combine(records)
     }
 
@@ -109,7 +113,8 @@ impl Modes {
     /// Never for trackers that have started.
     pub fn coast(&mut self) -> anyhow::Result<FrameRecord> {
         let records =
-            self.modes.iter_mut().map(|mode| mode.tracker.coast()).collect::<anyhow::Result<_>>()?;
+            self.modes.iter_mut().map(|mode| mode.tracker.coast()).collect::<anyhow::Result<Vec<_>>>()?;
+        self.readings = self.readings_of(&records, |_| 0.0);
         self.combine(records)
     }
 
@@ -135,6 +140,19 @@ impl Modes {
     /// The `n` heaviest particles of the best mode, see [`Tracker::best_particles`].
     pub fn best_particles(&self, n: usize) -> Vec<(Pose, f64)> {
         self.modes[self.best()].tracker.best_particles(n)
+    }
+
+    /// What each mode made of the last frame.
+    pub fn readings(&self) -> &[Reading] {
+        &self.readings
+    }
+
+    fn readings_of(&self, records: &[FrameRecord], fit: impl Fn(&Mode) -> f64) -> Vec<Reading> {
+        let reading = |(record, mode): (&FrameRecord, &Mode)| Reading {
+            state: self.space.state_from_pose(&record.pose),
+            fit: fit(mode),
+        };
+        records.iter().zip(&self.modes).map(reading).collect()
     }
 
     /// The trackers, in no order.

@@ -169,6 +169,8 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
     }
     let first = frames.last().map_or(range.start, |last: &FrameRecord| last.frame + 1);
     window.skip_to(first);
+    // Frames whose records are still to come.
+    let mut held = VecDeque::new();
     let mut unwritten: Option<Unwritten> = None;
     while let Some(frame) = window.frames.front() {
         let index = frame.index;
@@ -188,17 +190,25 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
         window.keep(read);
         let frame = window.frames.pop_front().expect("it was worked on");
         window.fill();
+        if follower.has_started() {
+            held.push_back(frame);
+        }
         if let Some(record) = record {
             let is_due = (index + 1).is_multiple_of(CHECKPOINT_EVERY);
             // What a predictor has learned is too large for a journal: such a run is resumed from its beginning.
-            let checkpoint = if is_due && !follower.is_learning() { follower.checkpoint()? } else { None };
+            let checkpoint =
+                if is_due && follower.fits_a_checkpoint() { follower.checkpoint()? } else { None };
             frames.push(record.clone());
-            unwritten = Some(Unwritten { record, frame, checkpoint });
+            unwritten = Some(Unwritten { frame: taken(&mut held, &record), record, checkpoint });
         }
         progress.advance();
     }
     if let Some(last) = unwritten {
         last.write(&mut writer)?;
+    }
+    while let Some(record) = follower.finish()? {
+        frames.push(record.clone());
+        Unwritten { frame: taken(&mut held, &record), record, checkpoint: None }.write(&mut writer)?;
     }
     let cut_short_by = window.reader.broken;
     let fps_achieved = progress.rate();
@@ -262,6 +272,16 @@ fn first_stature(window: &Window, camera: &Camera, fps: f64) -> (f64, &'static s
     match survey(&masks, camera, fps) {
         Some(survey) => (stature_from(&survey), "measured on the first masks"),
         None => (DEFAULT_STATURE_M, "as good as any: no first mask shows somebody whole on the floor"),
+    }
+}
+
+/// The frame of `record`; those before it have none.
+fn taken(held: &mut VecDeque<ClipFrame>, record: &FrameRecord) -> ClipFrame {
+    loop {
+        let frame = held.pop_front().expect("a record is of a frame that was worked on");
+        if frame.index == record.frame {
+            return frame;
+        }
     }
 }
 

@@ -199,6 +199,14 @@ impl Tracker {
     }
 }
 
+/// Standard deviations of the motion from one frame to the next, times `factor`, `[dim]`.
+pub(super) fn step_sd(scene: &Scene, factor: f64) -> Vec<f64> {
+    // Over short times people move evenly: twice the time, twice the way.
+    let frame_scale = factor * STEP_RATE_HZ / scene.fps.clamp(*STEP_RATES_HZ.start(), *STEP_RATES_HZ.end());
+    let rigid = scene.model.rigid_step_sd();
+    rigid.iter().chain(scene.model.step_sd()).map(|sd| frame_scale * sd).collect()
+}
+
 /// Where a start tries to begin: about a heading that is given; else all around, the way the person goes, and where the mask
 /// alone suggests.
 fn candidates(scene: &Scene, first: &Observation, heading_rad: Option<f64>) -> Vec<Pose> {
@@ -222,12 +230,7 @@ impl Tracker {
     fn new(scene: Scene, stream: u64) -> anyhow::Result<Self> {
         let params = &scene.params;
         let space = BodySpace::new(scene.model.clone());
-        // Over short times people move evenly: twice the time, twice the way.
-        let frame_scale =
-            params.diffusion * STEP_RATE_HZ / scene.fps.clamp(*STEP_RATES_HZ.start(), *STEP_RATES_HZ.end());
-        let rigid = scene.model.rigid_step_sd();
-        let step_sd: Vec<f64> =
-            rigid.iter().chain(scene.model.step_sd()).map(|sd| frame_scale * sd).collect();
+        let step_sd = step_sd(&scene, params.diffusion);
         let noise = Gaussian::diagonal(step_sd.clone())?;
         let schedule = Geometric::new(GeometricConfig {
             layers: params.layers,

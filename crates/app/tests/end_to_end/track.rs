@@ -207,6 +207,30 @@ fn a_killed_run_that_learns_begins_anew() {
     assert_same_contents(&clip.path("whole"), &clip.path("killed"));
 }
 
+#[test]
+fn a_smoothed_run_has_every_frame_in_order_and_moves_more_evenly() {
+    let clip = Clip::of_balance(14);
+    Answer::of(&mut clip.track("plain")).succeeded();
+    Answer::of(clip.track("smooth").args(["--smooth", "4"])).succeeded();
+    let rows = |out: &str| table(&clip.path(out).join("poses.csv"));
+    let numbers = |out: &str| rows(out).iter().map(|row| row["frame"].clone()).collect::<Vec<_>>();
+    assert_eq!(numbers("plain"), numbers("smooth"));
+    // Mean second difference of the pelvis's height, metres a frame².
+    let jerk = |out: &str| {
+        let z: Vec<f64> = rows(out).iter().map(|row| row["root_z_m"].parse().expect("a number")).collect();
+        z.windows(3).map(|z| (z[0] - 2.0 * z[1] + z[2]).abs()).sum::<f64>()
+    };
+    assert!(jerk("smooth") < 0.7 * jerk("plain"), "{} {}", jerk("smooth"), jerk("plain"));
+    let worst = |out: &str| {
+        let iou =
+            rows(out).iter().map(|row| row["iou"].parse::<f64>().expect("a number")).collect::<Vec<_>>();
+        iou.into_iter().fold(1.0, f64::min)
+    };
+    assert!(worst("smooth") > worst("plain") - 0.1, "{} {}", worst("smooth"), worst("plain"));
+
+    Answer::of(clip.track("late").args(["--smooth", "5000"])).failed(1, &["`smooth` is 5000, expected 0 to"]);
+}
+
 /// Kills the program as soon as its journal holds so many frames.
 fn kill_after_frames(running: &mut Child, journal: &Path, n_frames: usize) {
     let deadline = Instant::now() + Duration::from_secs(300);

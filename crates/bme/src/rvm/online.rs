@@ -21,8 +21,9 @@ const NEW_CENTRE: usize = usize::MAX - 1;
 const BIAS: usize = usize::MAX;
 /// Part of a sample's weight added to the products of kernels, which are nearly dependent where centres crowd.
 const RIDGE: f64 = 1e-6;
-/// Gain in log evidence over the weight of all samples above which an update is no news but lost digits: a single input cannot
-/// make every sample so much more likely. Seen where functions keep centres instead of samples, which are nearly dependent.
+/// Gain in log evidence over the weight of all samples, beyond what the misfit of the new one costs, above which an update is no
+/// news but lost digits: a single input cannot make every other sample so much more likely. Seen where functions keep centres
+/// instead of samples, which are nearly dependent.
 const MOST_GAIN_A_SAMPLE: f64 = 1.0;
 /// Rounds that settle where a class function is linearised.
 const LINEARISATIONS: usize = 3;
@@ -114,6 +115,11 @@ impl Place<'_> {
             (Noise::Known { precision: 1.0 }, 0.0)
         };
 
+        let fitted = dot(&own, &function.mean);
+        let misfit = example.energy - 2.0 * weighted_target * fitted + precision * fitted * fitted;
+        let misfit_nats =
+            0.5 * misfit.max(0.0) / if self.learns_noise { function.noise_variance } else { 1.0 };
+
         // The candidate, last: a combination `share` of the function's kernels and a rest at the remembered samples.
         let (share, rest) = self.combination()?;
         let seen = old.times(&share);
@@ -156,7 +162,7 @@ impl Place<'_> {
         let is_sound = model.noise_variance() > 0.0
             && model.mean().iter().chain(model.precisions()).all(|v| v.is_finite())
             && model.log_evidence().is_finite()
-            && report.log_evidence_gain <= MOST_GAIN_A_SAMPLE * total_weight;
+            && report.log_evidence_gain <= MOST_GAIN_A_SAMPLE * total_weight + misfit_nats;
         let number = |&at: &usize| match function.bases.get(at) {
             Some(&basis) if basis == self.n_centres => BIAS,
             Some(&basis) => basis,

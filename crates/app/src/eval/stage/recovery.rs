@@ -60,7 +60,8 @@ pub(super) fn study(prepared: &Prepared, eval: &StageEval) -> anyhow::Result<Vec
         .par_iter()
         .map(|(method, seed)| {
             // A predictor that learns would go into a trial with what it learned in the one before.
-            let config = TrackConfig { seed: *seed, method: *method, adapt: 0, ..eval.config.clone() };
+            let config =
+                TrackConfig { seed: *seed, method: *method, adapt: 0, smooth: 0, ..eval.config.clone() };
             let mut follower = prepared.follower(config, MAIN_CAMERA)?;
             let before = follow(&mut follower, &masks, 0..REPLACED_AT, |_, _| ())?;
             let pose = &before[REPLACED_AT - 1].pose;

@@ -76,6 +76,9 @@ pub(super) fn follow(
         records.extend(follower.step(frame as u64, &window)?);
         look(follower, frame);
     }
+    while let Some(record) = follower.finish()? {
+        records.push(record);
+    }
     Ok(records)
 }
 

@@ -76,7 +76,8 @@ pub(super) fn study(prepared: &Prepared, eval: &StageEval) -> anyhow::Result<Vec
         let runs: Vec<(Vec<PredictionError>, Learned)> = runs
             .par_iter()
             .map(|&(adapt, seed)| {
-                let config = TrackConfig { adapt, seed, method: Method::Jpf, ..eval.config.clone() };
+                let config =
+                    TrackConfig { adapt, seed, smooth: 0, method: Method::Jpf, ..eval.config.clone() };
                 follow(prepared, &predictor, &masks, config)
             })
             .collect::<anyhow::Result<_>>()?;
