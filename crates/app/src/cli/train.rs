@@ -122,6 +122,7 @@ fn train_shipped(args: &TrainArgs) -> anyhow::Result<()> {
     if let Some(stage) = stage {
         recordings.add_stage(&Sequence::read_all(&stage)?, &args.camera)?;
     }
+    let config = args.config().for_people_at_large();
     let mut progress = Progress::start("training", 0, Some(Activity::ALL.len() as u64));
     for activity in Activity::ALL {
         let path = |kind: &str| args.out.join(format!("{kind}-{}.bin", activity.name()));
@@ -132,7 +133,6 @@ fn train_shipped(args: &TrainArgs) -> anyhow::Result<()> {
             progress.note(&format!("{}: there already", path("predict").display()));
         } else {
             let start = Instant::now();
-            let config = TrainConfig { seed: args.seed, ..TrainConfig::for_people_at_large() };
             let predictor = recordings.predictor(activity, &config)?;
             predictor.write_small(&path("predict"))?;
             say(&path("predict"), &predictor, start);

@@ -19,7 +19,7 @@ pub use dynamics::{DynamicsError, LatentDynamics};
 pub use file::LoadPredictorError;
 pub use pose_space::PoseSpace;
 pub use predictor::{NotTrainedFor, PoseDensity, PoseMode, PosePredictor, Training};
-pub use shipped::{Activity, ActivityModel};
+pub use shipped::Activity;
 pub use transition::TransitionPredictor;
 pub use viewed::{ViewedPose, wrapped};
 

@@ -61,44 +61,34 @@ impl Activity {
             },
         }
     }
-}
 
-/// What is known of an activity: poses and steps of those who do it, and what a mask of them says of the pose.
-#[derive(Clone, Debug)]
-pub struct ActivityModel {
-    /// Poses and steps.
-    pub prior: PosePrior,
-    /// Poses from a mask.
-    pub predictor: PosePredictor,
-}
-
-impl ActivityModel {
-    /// The one that the program ships: learned from many people, its predictor from rendered masks.
+    /// Poses and steps of many people who do it, as the program ships them.
     ///
     /// # Panics
     /// Never: a test loads all of them.
-    pub fn builtin(activity: Activity) -> Self {
-        let prior = |bytes: &[u8]| PosePrior::from_bytes(bytes).expect("the bundled prior is whole");
-        let predictor =
-            |bytes: &[u8]| PosePredictor::from_bytes(bytes).expect("the bundled predictor is whole");
-        match activity {
-            Activity::Walk => Self {
-                prior: prior(include_bytes!("../../assets/prior-walk.bin")),
-                predictor: predictor(include_bytes!("../../assets/predict-walk.bin")),
-            },
-            Activity::Jog => Self {
-                prior: prior(include_bytes!("../../assets/prior-jog.bin")),
-                predictor: predictor(include_bytes!("../../assets/predict-jog.bin")),
-            },
-            Activity::Box => Self {
-                prior: prior(include_bytes!("../../assets/prior-box.bin")),
-                predictor: predictor(include_bytes!("../../assets/predict-box.bin")),
-            },
-            Activity::Any => Self {
-                prior: PosePrior::builtin(),
-                predictor: predictor(include_bytes!("../../assets/predict-any.bin")),
-            },
-        }
+    pub fn prior(self) -> PosePrior {
+        let bytes: &[u8] = match self {
+            Self::Walk => include_bytes!("../../assets/prior-walk.bin"),
+            Self::Jog => include_bytes!("../../assets/prior-jog.bin"),
+            Self::Box => include_bytes!("../../assets/prior-box.bin"),
+            Self::Any => return PosePrior::builtin(),
+        };
+        PosePrior::from_bytes(bytes).expect("the bundled prior is whole")
+    }
+
+    /// What a mask of somebody who does it says of the pose: the predictor that the program ships, learned from rendered
+    /// masks.
+    ///
+    /// # Panics
+    /// Never: a test loads all of them.
+    pub fn predictor(self) -> PosePredictor {
+        let bytes: &[u8] = match self {
+            Self::Walk => include_bytes!("../../assets/predict-walk.bin"),
+            Self::Jog => include_bytes!("../../assets/predict-jog.bin"),
+            Self::Box => include_bytes!("../../assets/predict-box.bin"),
+            Self::Any => include_bytes!("../../assets/predict-any.bin"),
+        };
+        PosePredictor::from_bytes(bytes).expect("the bundled predictor is whole")
     }
 }
 
@@ -114,12 +104,12 @@ mod tests {
             let mut least = Duration::MAX;
             for _ in 0..3 {
                 let start = Instant::now();
-                let model = ActivityModel::builtin(activity);
+                let (prior, predictor) = (activity.prior(), activity.predictor());
                 least = least.min(start.elapsed());
-                let training = model.predictor.training();
+                let training = predictor.training();
                 assert_eq!(training.activity, activity.name());
                 assert!(training.notice.contains("mocap.cs.cmu.edu"));
-                assert!(model.prior.notice().contains("mocap.cs.cmu.edu"));
+                assert!(prior.notice().contains("mocap.cs.cmu.edu"));
                 assert_eq!(training.check(1.5, activity.name()), Ok(()));
             }
             // 200 ms are promised on a quiet machine; tests share theirs.
@@ -137,9 +127,9 @@ mod tests {
 
     #[test]
     fn the_prior_of_an_activity_is_narrower_than_that_of_all() {
-        let any: f64 = ActivityModel::builtin(Activity::Any).prior.sd_rad().iter().sum();
+        let any: f64 = Activity::Any.prior().sd_rad().iter().sum();
         for activity in [Activity::Walk, Activity::Jog] {
-            let narrow: f64 = ActivityModel::builtin(activity).prior.sd_rad().iter().sum();
+            let narrow: f64 = activity.prior().sd_rad().iter().sum();
             assert!(narrow < any, "{}: {narrow:.2}, all: {any:.2}", activity.name());
         }
     }

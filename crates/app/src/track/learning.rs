@@ -94,7 +94,7 @@ mod tests {
     use super::*;
     use body::N_JOINTS;
 
-    use crate::predict::{Activity, ActivityModel};
+    use crate::predict::Activity;
 
     fn record(status: Status, iou: f64) -> FrameRecord {
         FrameRecord {
@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn frames_that_may_be_wrong_teach_nothing() {
-        let predictor = Arc::new(ActivityModel::builtin(Activity::Any).predictor);
+        let predictor = Arc::new(Activity::Any.predictor());
         let learner = Learner::new(predictor.clone(), 4);
         assert!(learner.wants(&record(Status::Tracked, 0.9)));
         assert!(!learner.wants(&record(Status::Tracked, 0.7)));
@@ -125,7 +125,7 @@ mod tests {
 
     #[test]
     fn a_lesson_is_noted_and_leaves_the_teacher_as_it_was() {
-        let shipped = Arc::new(ActivityModel::builtin(Activity::Any).predictor);
+        let shipped = Arc::new(Activity::Any.predictor());
         let mut learner = Learner::new(shipped.clone(), 2);
         assert_eq!(learner.noted().training(), shipped.training());
         let mask = Mask::from_fn(80, 160, |x, y| (30..50).contains(&x) && (10..150).contains(&y));
@@ -140,6 +140,6 @@ mod tests {
         assert_eq!(learner.noted().training().n_masks, shipped.training().n_masks + 1);
         let mean = |predictor: &PosePredictor| predictor.density(&mask).unwrap().mean();
         assert_ne!(mean(learner.predictor()), mean(&shipped));
-        assert_eq!(mean(&shipped), mean(&ActivityModel::builtin(Activity::Any).predictor));
+        assert_eq!(mean(&shipped), mean(&Activity::Any.predictor()));
     }
 }

@@ -16,7 +16,7 @@ use super::pose_model::{FreeJoints, pose_model};
 use super::refine::Refiner;
 use super::tracker::Scene;
 use crate::config::{ExecConfig, Method, TrackConfig, TrackParams};
-use crate::predict::{Activity, ActivityModel, PosePredictor};
+use crate::predict::{Activity, PosePredictor};
 use crate::progress::Progress;
 use crate::run_folder::{Existing, FrameRecord, RunHeader, RunInput, RunWriter, Status, WriteRunError};
 use crate::shape::clip::stature_from;
@@ -126,8 +126,7 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
         assumptions.push(format!("a person {stature_m:.2} m tall, {source}"));
         stature_m
     });
-    let ActivityModel { prior, predictor } = ActivityModel::builtin(job.activity);
-    let predictor = predictor_for(job, predictor, &known.camera, &mut assumptions)?;
+    let predictor = predictor_for(job, &known.camera, &mut assumptions)?;
     if params.adapt > 0 && predictor.is_none() {
         let reason = match params.method {
             Method::Jpf | Method::Jlm => assumptions.last().cloned().unwrap_or_default(),
@@ -146,6 +145,7 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
         body: body.clone(),
     };
     let (mut writer, resumed) = RunWriter::open(&job.out, job.existing, header)?;
+    let prior = job.activity.prior();
     let mut follower = Follower::new(Scene {
         body: body.clone(),
         camera: known.camera,
@@ -238,7 +238,6 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
 /// for such a camera, none, and the assumptions say so; a predictor that was asked for by name must fit.
 fn predictor_for(
     job: &TrackJob,
-    shipped: PosePredictor,
     camera: &Camera,
     assumptions: &mut Vec<String>,
 ) -> anyhow::Result<Option<Arc<PosePredictor>>> {
@@ -254,6 +253,7 @@ fn predictor_for(
             .with_context(|| format!("{}", path.display()))?;
         return Ok(Some(Arc::new(predictor)));
     }
+    let shipped = job.activity.predictor();
     match shipped.training().check(height_m, job.activity.name()) {
         Ok(()) => Ok(Some(Arc::new(shipped))),
         Err(reason) => {

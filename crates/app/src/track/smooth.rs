@@ -9,6 +9,7 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+use bme::log_sum_exp;
 use body::Body;
 use pf_core::estimate::weighted_mean;
 use pf_core::scratch::with_buffer;
@@ -79,7 +80,9 @@ impl Smoother {
                 .iter()
                 .map(|to| {
                     let ways = before.readings.iter().zip(forward);
-                    log_sum_exp(ways.map(|(from, forward)| forward + self.log_step(from, to)))
+                    let ways: Vec<f64> =
+                        ways.map(|(from, forward)| forward + self.log_step(from, to)).collect();
+                    log_sum_exp(&ways)
                 })
                 .collect(),
         };
@@ -88,7 +91,7 @@ impl Smoother {
             .zip(&frame.readings)
             .map(|(arrived, reading)| arrived + log_emission(reading))
             .collect();
-        let total = log_sum_exp(forward.iter().copied());
+        let total = log_sum_exp(&forward);
         self.held.push_back((frame, forward.iter().map(|log| log - total).collect()));
         if self.held.len() > self.lag { self.pop() } else { Ok(None) }
     }
@@ -127,9 +130,10 @@ impl Smoother {
                     .iter()
                     .map(|from| {
                         let ways = next.readings.iter().zip(backward);
-                        log_sum_exp(
-                            ways.map(|(to, backward)| self.log_step(from, to) + log_emission(to) + backward),
-                        )
+                        let ways: Vec<f64> = ways
+                            .map(|(to, backward)| self.log_step(from, to) + log_emission(to) + backward)
+                            .collect();
+                        log_sum_exp(&ways)
                     })
                     .collect(),
             };
@@ -190,14 +194,6 @@ fn is_same_reading(a: &BodyState, b: &BodyState) -> bool {
 /// ln of how well a reading explains its frame; fits of a frame and the next share most of their errors.
 fn log_emission(reading: &Reading) -> f64 {
     reading.fit.max(LEAST_FIT) / FIT_SCALE
-}
-
-fn log_sum_exp(logs: impl Iterator<Item = f64> + Clone) -> f64 {
-    let largest = logs.clone().fold(f64::NEG_INFINITY, f64::max);
-    if largest == f64::NEG_INFINITY {
-        return largest;
-    }
-    largest + logs.map(|log| (log - largest).exp()).sum::<f64>().ln()
 }
 
 #[cfg(test)]

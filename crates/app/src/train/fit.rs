@@ -63,13 +63,14 @@ impl Default for TrainConfig {
 }
 
 impl TrainConfig {
-    /// The settings of the models that the program ships. They have to be small: fewer bases an expert, pose coordinates and
+    /// The same for the models that the program ships. They have to be small: fewer bases an expert, pose coordinates and
     /// sectors.
-    pub fn for_people_at_large() -> Self {
-        let mut config = Self { pose_dim: 8, ..Self::default() };
-        config.experts.n_views = 6;
-        config.experts.mixture.expert.max_bases = 20;
-        config
+    #[must_use]
+    pub fn for_people_at_large(mut self) -> Self {
+        self.pose_dim = 8;
+        self.experts.n_views = 6;
+        self.experts.mixture.expert.max_bases = 20;
+        self
     }
 }
 

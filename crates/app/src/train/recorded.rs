@@ -20,6 +20,7 @@ use super::render::render;
 use super::{Examples, TrainConfig, TrainingFrames, fit_predictor};
 use crate::predict::{Activity, PosePredictor, Training, ViewedPose};
 use crate::stage::Sequence;
+use crate::synth::performer_of;
 
 /// Cameras stand so high above the floor, metres,
 const CAMERA_HEIGHT_M: [f64; 2] = [0.8, 2.2];
@@ -61,7 +62,7 @@ impl Recordings {
         let rest = *BodyModel::builtin().mean().rest_joints();
         let clips = retargeted_clips(folder, "train", &rest, &RetargetConfig::default())?;
         let recording = |clip: RetargetedClip| Recording {
-            performers: clip.motion.name.split('_').take(1).map(str::to_owned).collect(),
+            performers: vec![performer_of(&clip.motion.name).to_owned()],
             action: clip.action,
             motion: clip.motion,
         };

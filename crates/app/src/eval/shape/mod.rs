@@ -77,7 +77,7 @@ pub fn evaluate(eval: &ShapeEval) -> anyhow::Result<ShapeReport> {
     let model = BodyModel::builtin();
     let track = light_tracking();
     let fits = if eval.on_training {
-        let strangers = strangers(&eval.motions, model.mean().rest_joints())?;
+        let strangers = strangers(&eval.motions)?;
         fit_as_strangers(&studio, &strangers, &people, SEED, &track, &config, SINGLE_FRAMES)?
     } else {
         fit_people(&studio, &people, SEED, &track, &config, SINGLE_FRAMES)?

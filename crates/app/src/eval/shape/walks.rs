@@ -4,17 +4,17 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::ensure;
-use body::build::prior::retargeted_clips;
-use body::pose_prior::{PosePrior, PosePriorConfig};
-use body::retarget::{Motion, RetargetConfig};
-use body::{BodyModel, RestJoints, Sex};
+use body::pose_prior::PosePrior;
+use body::{BodyModel, Sex};
 use rayon::prelude::*;
 use silhouette::Mask;
 
 use crate::config::TrackConfig;
+use crate::predict::Activity;
 use crate::progress::Progress;
 use crate::shape::{ShapeConfig, ShapeFit, fit_shape, shape_from_masks};
 use crate::synth::{Studio, SyntheticWalk, Truth, Walks, performer_of};
+use crate::train::Recordings;
 
 /// What the program found of a person.
 pub struct PersonFit {
@@ -54,21 +54,16 @@ pub struct Stranger {
     prior_of_others: Arc<PosePrior>,
 }
 
-/// The performers of the training recordings in `motions` who walk. `rest`: joints of the person whom the priors are learned for.
+/// The performers of the training recordings in `motions` who walk.
 ///
 /// # Errors
 /// When the recordings cannot be read, or are of one performer.
-pub fn strangers(motions: &Path, rest: &RestJoints) -> anyhow::Result<Vec<Stranger>> {
-    let all: Vec<Motion> = retargeted_clips(motions, "train", rest, &RetargetConfig::default())?
-        .into_iter()
-        .map(|clip| clip.motion)
-        .collect();
+pub fn strangers(motions: &Path) -> anyhow::Result<Vec<Stranger>> {
+    let all = Recordings::read(motions)?;
     let performers = Walks::read(motions, &["train"])?.by_performer();
     ensure!(performers.len() >= 2, "{}: one person walks, expected two at least", motions.display());
     let stranger = |(name, recordings): (String, Walks)| -> anyhow::Result<Stranger> {
-        let is_other = |motion: &&Motion| performer_of(&motion.name) != name;
-        let others: Vec<Motion> = all.iter().filter(is_other).cloned().collect();
-        let prior = PosePrior::learn(&others, "", &PosePriorConfig::default())?;
+        let prior = all.without(&[name]).prior(Activity::Any)?;
         Ok(Stranger { recordings, prior_of_others: Arc::new(prior) })
     };
     performers.into_iter().map(stranger).collect()
@@ -182,7 +177,7 @@ mod tests {
         };
         let model = BodyModel::builtin();
         let rest = *model.mean().rest_joints();
-        let found = strangers(&motions, &rest).unwrap();
+        let found = strangers(&motions).unwrap();
         let shipped = PosePrior::builtin();
         let mut names = Vec::new();
         for Stranger { recordings, prior_of_others } in &found {

@@ -32,7 +32,7 @@ pub use self::table::table;
 pub use self::updates::UpdatesRow;
 use super::write_json;
 use crate::config::{ExecConfig, Method, TrackConfig, TrackParams};
-use crate::predict::{Activity, ActivityModel, PosePredictor, TransitionPredictor};
+use crate::predict::{Activity, PosePredictor, TransitionPredictor};
 use crate::progress::Progress;
 use crate::shape::{ShapeConfig, Told, light_tracking, shape_from_masks};
 use crate::stage::{FittedSequence, Sequence, fit_sequence, personal_joints};
@@ -299,9 +299,9 @@ impl Prepared {
                 (body, prior, Some(Arc::new(predictor)), transitions)
             }
             (_, None) => {
-                let ActivityModel { prior, predictor } =
-                    ActivityModel::builtin(Activity::called(&sequence.activity));
-                (body_from_masks(&sequence, &test)?, prior, Some(Arc::new(predictor)), None)
+                let activity = Activity::called(&sequence.activity);
+                let predictor = Some(Arc::new(activity.predictor()));
+                (body_from_masks(&sequence, &test)?, activity.prior(), predictor, None)
             }
             (_, Some(recordings)) => {
                 let others = recordings.without(&sequence.performers);
@@ -382,7 +382,7 @@ fn predictor_of_others(
     activity: Activity,
     eval: &StageEval,
 ) -> anyhow::Result<PosePredictor> {
-    let config = TrainConfig::for_people_at_large();
+    let config = TrainConfig::default().for_people_at_large();
     let Some(folder) = &eval.models else { return others.predictor(activity, &config) };
     let without = sequence.performers.join("-");
     let path = folder.join(format!("predict-{}-without-{without}.bin", activity.name()));
@@ -415,7 +415,7 @@ mod tests {
     fn a_predictor_of_other_frames_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("S3-Jog_1.bin");
-        let shipped = ActivityModel::builtin(Activity::Any).predictor;
+        let shipped = Activity::Any.predictor();
         shipped.write_small(&path).unwrap();
         let own = &shipped.training().notice;
         assert!(kept_predictor(&path, own).is_ok());
