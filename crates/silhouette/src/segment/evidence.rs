@@ -54,14 +54,22 @@ pub(crate) struct Evidence {
     distance: Vec<f32>,
     /// Squared distance to the background in shadow, variances; infinite where it is no shadow.
     shadow: Vec<f32>,
-    /// Brightness of the background, grey levels.
+    /// Brightness of the background, grey levels,
     luma: Vec<f32>,
+    /// and its change along one row, from the pixel before to the one after.
+    across: Vec<f32>,
 }
 
 impl Evidence {
     pub fn new(n_pixels: usize) -> Self {
         let plane = vec![0.0; n_pixels];
-        Self { score: plane.clone(), distance: plane.clone(), shadow: plane.clone(), luma: plane }
+        Self {
+            score: plane.clone(),
+            distance: plane.clone(),
+            shadow: plane.clone(),
+            luma: plane,
+            across: Vec::new(),
+        }
     }
 
     /// Measures every pixel of `frame` against `background` (under the frame's light).
@@ -82,18 +90,25 @@ impl Evidence {
         let base_noise = (frame_noise.max(config.minimum_noise) * config.noise_factor).powi(2);
         let jitter = (config.edge_jitter_px / 2.0).powi(2);
         let (width, height) = (frame.width, frame.height);
+        self.across.resize(width, 0.0);
         for y in 0..height {
             let row = y * width..(y + 1) * width;
             let above = &self.luma[y.saturating_sub(1) * width..][..width];
             let below = &self.luma[(y + 1).min(height - 1) * width..][..width];
             let luma = &self.luma[row.clone()];
+            // Differences along the row first: the loop below then has no neighbours to look at.
+            let across = self.across.as_mut_slice();
+            for (slope, pair) in across[1..].iter_mut().zip(luma.windows(3)) {
+                *slope = pair[2] - pair[0];
+            }
+            across[0] = luma[1.min(width - 1)] - luma[0];
+            across[width - 1] = luma[width - 1] - luma[width.saturating_sub(2)];
             let frame_row = frame.planes.each_ref().map(|plane| &plane[row.clone()]);
             let background_row = background.planes.each_ref().map(|plane| &plane[row.clone()]);
             let noise_row = &pixel_noise[row.clone()];
             let (distance_row, shadow_row) = (&mut self.distance[row.clone()], &mut self.shadow[row]);
             for x in 0..width {
-                let dx = luma[(x + 1).min(width - 1)] - luma[x.saturating_sub(1)];
-                let dy = below[x] - above[x];
+                let (dx, dy) = (across[x], below[x] - above[x]);
                 let precision =
                     1.0 / (base_noise + noise_row[x] * noise_row[x] + jitter * (dx * dx + dy * dy));
                 let b = background_row.map(|plane| plane[x]);

@@ -50,9 +50,7 @@ impl Smoother {
         }
         for pass in 0..config.passes {
             let keep = carry_table(config, pass);
-            for (row, contrast) in score.chunks_exact_mut(width).zip(self.contrast[0].chunks_exact(width)) {
-                smooth_row(row, contrast, &keep);
-            }
+            smooth_rows(score, &self.contrast[0], width, &keep);
             smooth_columns(score, &self.contrast[1], width, &keep);
         }
     }
@@ -82,12 +80,40 @@ fn carry_table(config: &SmoothingConfig, pass: u32) -> [f32; 256] {
     })
 }
 
-fn smooth_row(row: &mut [f32], contrast: &[u8], keep: &[f32; 256]) {
-    for x in 1..row.len() {
-        row[x] += keep[usize::from(contrast[x])] * (row[x - 1] - row[x]);
+/// Rows that are worked on side by side: along a row each pixel waits for the one before.
+const ROWS_ABREAST: usize = 8;
+
+fn smooth_rows(score: &mut [f32], contrast: &[u8], width: usize, keep: &[f32; 256]) {
+    let mut abreast = score.chunks_exact_mut(ROWS_ABREAST * width);
+    let mut contrasts = contrast.chunks_exact(ROWS_ABREAST * width);
+    for (rows, contrast) in abreast.by_ref().zip(contrasts.by_ref()) {
+        smooth_abreast::<ROWS_ABREAST>(rows, contrast, width, keep);
     }
-    for x in (1..row.len()).rev() {
-        row[x - 1] += keep[usize::from(contrast[x])] * (row[x] - row[x - 1]);
+    let rest = abreast.into_remainder().chunks_exact_mut(width);
+    for (row, contrast) in rest.zip(contrasts.remainder().chunks_exact(width)) {
+        smooth_abreast::<1>(row, contrast, width, keep);
+    }
+}
+
+/// Smooths `N` rows, each on its own.
+fn smooth_abreast<const N: usize>(rows: &mut [f32], contrast: &[u8], width: usize, keep: &[f32; 256]) {
+    let (rows, contrast) = (&mut rows[..N * width], &contrast[..N * width]);
+    let mut last: [f32; N] = std::array::from_fn(|row| rows[row * width]);
+    for x in 1..width {
+        for (row, last) in last.iter_mut().enumerate() {
+            let at = row * width + x;
+            let value = rows[at];
+            *last = value + keep[usize::from(contrast[at])] * (*last - value);
+            rows[at] = *last;
+        }
+    }
+    for x in (1..width).rev() {
+        for (row, last) in last.iter_mut().enumerate() {
+            let at = row * width + x;
+            let value = rows[at - 1];
+            *last = value + keep[usize::from(contrast[at])] * (*last - value);
+            rows[at - 1] = *last;
+        }
     }
 }
 
