@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use super::files::{WriteRunError, private_file};
 use super::record::{Entry, EntryFile};
 
-const MAGIC: &[u8] = b"umbra journal 2\n";
+const MAGIC: &[u8] = b"umbra journal 3\n";
 const HEADER_BYTES: usize = 8;
 
 /// A journal that grows.

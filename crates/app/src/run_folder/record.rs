@@ -95,7 +95,7 @@ pub(super) struct Entry {
     pub checkpoint: Option<Vec<u8>>,
 }
 
-/// The form of [`Entry`] on disk, version 2 of the journal.
+/// The form of [`Entry`] on disk, version 3 of the journal.
 #[derive(Serialize, Deserialize)]
 pub(super) struct EntryFile {
     frame: u64,

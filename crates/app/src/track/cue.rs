@@ -1,5 +1,7 @@
 //! What a mask alone says of the pose, in the tracker's coordinates: the density p_B(x|r) of the bottom-up predictor.
 
+use std::f64::consts::FRAC_PI_3;
+
 use glam::DVec3;
 use pf_core::{Gaussian, ParticleRng, Proposal, Proposed, StateSpace as _};
 use rand::Rng;
@@ -13,6 +15,10 @@ use crate::predict::PosePredictor;
 const N_CENTRES: usize = 96;
 /// Modes of a prediction that a start tries.
 const N_MODES: usize = 4;
+/// Turns of the pelvis by less are the same way.
+const SAME_WAY_RAD: f64 = FRAC_PI_3;
+/// A prediction of which so much faces one way is sure of it.
+const SURE_SHARE: f64 = 0.6;
 /// Coordinates of the pelvis's place, which come first; a mask alone says nothing of it.
 const N_PLACE: usize = 3;
 
@@ -50,9 +56,15 @@ impl Cue {
         &self.modes
     }
 
-    /// Share of the density whose pelvis is turned by less than `angle_rad` against `state`'s.
-    pub fn share_within(&self, state: &BodyState, angle_rad: f64) -> f64 {
-        let near = |centre: &&BodyState| centre.orientation.angle_between(state.orientation) < angle_rad;
+    /// Share of the density that faces as `state` does; none when the density itself is not sure which way the person faces.
+    pub fn agreement(&self, state: &BodyState) -> Option<f64> {
+        let is_sure = self.modes.iter().any(|mode| self.share_facing(mode) > SURE_SHARE);
+        is_sure.then(|| self.share_facing(state))
+    }
+
+    /// Share of the density whose pelvis is turned nearly as that of `state`.
+    fn share_facing(&self, state: &BodyState) -> f64 {
+        let near = |centre: &&BodyState| centre.orientation.angle_between(state.orientation) < SAME_WAY_RAD;
         self.centres.iter().filter(near).count() as f64 / self.centres.len() as f64
     }
 
@@ -186,11 +198,16 @@ mod tests {
     }
 
     #[test]
-    fn shares_count_the_headings_near_a_state() {
+    fn only_a_prediction_that_is_sure_of_a_way_agrees_or_not() {
         let space = space();
-        let centres: Vec<BodyState> = [0.0, 0.1, 3.0, 3.1].map(|heading| facing(&space, heading)).to_vec();
-        let cue = Cue { modes: centres.clone(), centres };
-        assert_eq!(cue.share_within(&facing(&space, 0.05), 0.5), 0.5);
-        assert_eq!(cue.share_within(&facing(&space, 1.5), 0.5), 0.0);
+        let cue = |headings: &[f64]| {
+            let centres: Vec<BodyState> = headings.iter().map(|&heading| facing(&space, heading)).collect();
+            Cue { modes: centres.clone(), centres }
+        };
+        let sure = cue(&[0.0, 0.1, 0.2, 3.0]);
+        assert_eq!(sure.agreement(&facing(&space, 0.05)), Some(0.75));
+        assert_eq!(sure.agreement(&facing(&space, 3.0)), Some(0.25));
+        assert_eq!(sure.agreement(&facing(&space, 1.6)), Some(0.0));
+        assert_eq!(cue(&[0.0, 0.1, 3.0, 3.1]).agreement(&facing(&space, 0.0)), None);
     }
 }

@@ -1,4 +1,4 @@
-//! Follows a person through a clip: decides when to start, and starts again after a loss.
+//! Follows a person through a clip: decides when to start, starts again after a loss, and tries another start when there is doubt.
 
 use std::sync::Arc;
 
@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use silhouette::Mask;
 
 use super::cue::Cue;
+use super::doubt::{Doubt, Standing};
 use super::learning::Learner;
 use super::likelihood::Observation;
 use super::modes::{Modes, ModesState};
@@ -42,6 +43,7 @@ struct Following {
     scale: f64,
     modes: Modes,
     is_lost: bool,
+    doubt: Doubt,
 }
 
 /// What a follower remembers, in a checkpoint.
@@ -51,6 +53,7 @@ struct FollowerState {
     modes: ModesState,
     travel: Travel,
     is_lost: bool,
+    doubt: Doubt,
 }
 
 impl Follower {
@@ -79,7 +82,9 @@ impl Follower {
         if must_start && shows_somebody {
             let heading_deg =
                 if self.following.is_none() { self.scene.params.initial_heading_deg } else { None };
-            self.following = Some(self.start(frame, masks, heading_deg)?);
+            let rows = masks[0].bounding_box().map_or(1, |person| person.height());
+            let scale = (self.scene.params.working_height_px / f64::from(rows)).min(1.0);
+            self.following = Some(self.start(frame, masks, heading_deg, scale)?);
         }
         let Some(following) = &self.following else { return Ok(None) };
         let seen = shows_somebody.then(|| self.observation(frame, masks[0], following.modes.camera()));
@@ -89,6 +94,13 @@ impl Follower {
             None => following.modes.coast()?,
         };
         following.is_lost = record.status == Status::Lost;
+        if let Some(seen) = seen.as_ref().filter(|_| record.status == Status::Tracked) {
+            let standing = standing(&self.space, seen, &record.pose, following.modes.fit());
+            if following.doubt.look(&standing) {
+                record = self.test(frame, masks, seen, standing)?.unwrap_or(record);
+            }
+        }
+        let Some(following) = &mut self.following else { return Ok(None) };
         if let Some(learner) = self.learner.as_mut().filter(|learner| learner.wants(&record)) {
             let particles = following.modes.best_particles(learner.n_particles());
             record.learned = Some(learner.learn(masks[0], self.scene.camera.centre_world(), &particles)?);
@@ -111,9 +123,37 @@ impl Follower {
         self.smoother.as_mut().map_or(Ok(None), Smoother::pop)
     }
 
-    fn start(&self, frame: u64, masks: &[&Mask], heading_deg: Option<f64>) -> anyhow::Result<Following> {
-        let rows = masks[0].bounding_box().map_or(1, |person| person.height());
-        let scale = (self.scene.params.working_height_px / f64::from(rows)).min(1.0);
+    /// Starts anew beside what is believed, and believes the better of the two: the record of this frame when that is the new
+    /// one.
+    fn test(
+        &mut self,
+        frame: u64,
+        masks: &[&Mask],
+        seen: &Observation,
+        standing: Standing,
+    ) -> anyhow::Result<Option<FrameRecord>> {
+        let Some(Following { scale, .. }) = self.following else { return Ok(None) };
+        let mut rival = self.start(frame, masks, None, scale)?;
+        let fit = rival.modes.fit();
+        let record = rival.modes.step(seen)?;
+        if self::standing(&self.space, seen, &record.pose, fit).beats(&standing) {
+            self.following = Some(rival);
+            return Ok(Some(record));
+        }
+        if let Some(following) = &mut self.following {
+            following.doubt.rest(standing.fit);
+        }
+        Ok(None)
+    }
+
+    /// Trackers that work at `scale` times the resolution of the masks.
+    fn start(
+        &self,
+        frame: u64,
+        masks: &[&Mask],
+        heading_deg: Option<f64>,
+        scale: f64,
+    ) -> anyhow::Result<Following> {
         let scene = self.scene_at(scale);
         let frames: Vec<Observation> = (frame..)
             .zip(masks)
@@ -121,7 +161,7 @@ impl Follower {
             .map(|(frame, mask)| self.observation(frame, mask, &scene.camera))
             .collect();
         let modes = Modes::start(&scene, frame, &frames, heading_deg.map(f64::to_radians))?;
-        Ok(Following { scale, modes, is_lost: false })
+        Ok(Following { scale, modes, is_lost: false, doubt: Doubt::default() })
     }
 
     fn scene_at(&self, scale: f64) -> Scene {
@@ -184,12 +224,13 @@ impl Follower {
     /// # Errors
     /// When the state has no form in bytes.
     pub fn checkpoint(&self) -> anyhow::Result<Option<Vec<u8>>> {
-        let Some(Following { scale, modes, is_lost }) = &self.following else { return Ok(None) };
+        let Some(Following { scale, modes, is_lost, doubt }) = &self.following else { return Ok(None) };
         let state = FollowerState {
             scale: *scale,
             modes: modes.checkpoint(),
             travel: self.travel.clone(),
             is_lost: *is_lost,
+            doubt: doubt.clone(),
         };
         postcard::to_stdvec(&state).map(Some).context("the state of the tracker as bytes")
     }
@@ -200,13 +241,20 @@ impl Follower {
     /// # Errors
     /// When the bytes are not a checkpoint.
     pub fn restore(&mut self, checkpoint: &[u8]) -> anyhow::Result<()> {
-        let FollowerState { scale, modes, travel, is_lost } =
+        let FollowerState { scale, modes, travel, is_lost, doubt } =
             postcard::from_bytes(checkpoint).context("checkpoint: cannot decode the state of the tracker")?;
         let modes = Modes::resume(&self.scene_at(scale), modes)?;
         self.travel = travel;
-        self.following = Some(Following { scale, modes, is_lost });
+        self.following = Some(Following { scale, modes, is_lost, doubt });
         Ok(())
     }
+}
+
+/// What speaks for `pose` on a frame, of a reading with this mean fit.
+fn standing(space: &BodySpace, seen: &Observation, pose: &Pose, fit: f64) -> Standing {
+    let state = space.state_from_pose(pose);
+    let agreement = seen.cue.as_ref().and_then(|cue| cue.agreement(&state));
+    Standing { fit, agreement }
 }
 
 /// The mask at the resolution of `camera`.

@@ -5,11 +5,13 @@
 //! [`overlap`], [`likelihood`] how well a state explains a mask · [`moves`], [`limb`] how particles move · [`start`] where they
 //! begin · [`cue`] what the mask alone says · [`travel`] which way they go · [`proposal`] where a frame's particles come from · [`refine`]
 //! the last steps to the best pose · [`tracker`] frame after frame · [`modes`] several readings side by side · [`learning`] what the predictor makes of
-//! it · [`smooth`] what later frames say of it · [`follower`] losses and new starts · [`pipeline`] from the input to the run folder
+//! it · [`smooth`] what later frames say of it · `doubt` when to try another start ·
+//! [`follower`] losses and new starts · [`pipeline`] from the input to the run folder
 
 pub mod camera_choice;
 pub mod clip;
 pub mod cue;
+mod doubt;
 pub mod follower;
 pub mod learning;
 pub mod likelihood;

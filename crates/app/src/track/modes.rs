@@ -137,6 +137,11 @@ impl Modes {
             .fold(0, |best, k| if self.modes[k].fit > self.modes[best].fit { k } else { best })
     }
 
+    /// How well the best mode explains the masks: mean log-likelihood of the last frames, or of those that a start looked at.
+    pub fn fit(&self) -> f64 {
+        self.modes[self.best()].fit
+    }
+
     /// The `n` heaviest particles of the best mode, see [`Tracker::best_particles`].
     pub fn best_particles(&self, n: usize) -> Vec<(Pose, f64)> {
         self.modes[self.best()].tracker.best_particles(n)

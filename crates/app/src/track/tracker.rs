@@ -14,6 +14,7 @@ use pf_core::{
     Filter, FilterConfig, FilterParams, FilterState, Gaussian, LayerView, Likelihood as _, Observer,
     RandomWalk, StateSpace as _, Step,
 };
+use rayon::prelude::*;
 use render_gpu::ScoreError;
 use silhouette::Mask;
 
@@ -139,37 +140,54 @@ impl Tracker {
         // Rivals that all drew from the predictor would soon be one.
         let unaided = |seen: &Observation| Observation { cue: None, ..seen.clone() };
         let frames = &frames.iter().map(unaided).collect::<Vec<_>>();
-        let mut rivals = Vec::new();
-        for (stream, candidate) in (0..).zip(candidates) {
-            rivals.push(Self::start_near(scene.clone(), stream, frame, &frames[0], &candidate)?);
-        }
-        rivals.sort_by(|(_, a), (_, b)| b.total_cmp(a));
-        rivals.truncate(n_modes + START_RIVALS);
-        if rivals.len() > n_modes {
-            for (rival, fit) in &mut rivals {
-                let beginning = rival.checkpoint();
-                *fit = 0.0;
-                for frame in frames {
-                    rival.step(frame)?;
-                    *fit += rival.fit / frames.len() as f64;
-                }
-                *rival = Self::resume(scene.clone(), beginning)?;
+        let begin = |(stream, candidate): (usize, &Pose)| {
+            Self::near(scene.clone(), stream as u64, frame, &frames[0], candidate).map(Rival::new)
+        };
+        let mut rivals: Vec<Rival> =
+            candidates.par_iter().enumerate().map(begin).collect::<anyhow::Result<_>>()?;
+        // The first mask, again and again: once they have found their place, half of the rivals go each time.
+        for round in 0..START_ROUNDS {
+            step_all(&mut rivals, &frames[0])?;
+            if round > 0 {
+                let half = rivals.len().div_ceil(2);
+                keep_best(&mut rivals, half.max(n_modes + START_RIVALS));
             }
-            rivals.sort_by(|(_, a), (_, b)| b.total_cmp(a));
-            rivals.truncate(n_modes);
+            rivals.iter_mut().for_each(|rival| rival.fit_sum = 0.0);
         }
-        Ok(rivals)
+        for Rival { tracker, beginning, .. } in &mut rivals {
+            tracker.filter.restore(FilterState { frame, ..tracker.filter.checkpoint() })?;
+            *beginning = tracker.checkpoint();
+        }
+        // The masks that follow: in their second half, rivals go one by one.
+        let half = frames.len() / 2;
+        let every = half.div_ceil(rivals.len().saturating_sub(n_modes).max(1)).max(1);
+        let mut n_seen = 0;
+        for frame in frames {
+            if rivals.len() <= n_modes && n_seen > 0 {
+                break;
+            }
+            step_all(&mut rivals, frame)?;
+            n_seen += 1;
+            if n_seen >= half && (n_seen - half) % every == 0 {
+                let all_but_one = rivals.len() - 1;
+                keep_best(&mut rivals, all_but_one.max(n_modes));
+            }
+        }
+        keep_best(&mut rivals, n_modes);
+        let back = |Rival { beginning, fit_sum, .. }: Rival| {
+            Ok((Self::resume(scene.clone(), beginning)?, fit_sum / n_seen as f64))
+        };
+        rivals.into_iter().map(back).collect()
     }
 
-    /// A tracker on the frame `seen` that begins about `candidate`, an upright pose wherever, and how well its best
-    /// particle explains the mask.
-    fn start_near(
+    /// A tracker before its first step on the frame `seen` that begins about `candidate`, an upright pose wherever.
+    fn near(
         scene: Scene,
         stream: u64,
         frame: u64,
         seen: &Observation,
         candidate: &Pose,
-    ) -> anyhow::Result<(Self, f64)> {
+    ) -> anyhow::Result<Self> {
         let mut tracker = Self::new(scene, stream)?;
         tracker.likelihood.overlap.set_mask(&seen.mask)?;
         let overlap = &mut tracker.likelihood.overlap;
@@ -190,13 +208,38 @@ impl Tracker {
             space.retract(&mut state, delta);
             state
         });
-        for _ in 0..START_ROUNDS {
-            tracker.step(seen)?;
-        }
-        tracker.filter.restore(FilterState { frame, ..tracker.filter.checkpoint() })?;
-        let fit = tracker.fit;
-        Ok((tracker, fit))
+        Ok(tracker)
     }
+}
+
+/// A tracker among those that a start tries.
+struct Rival {
+    tracker: Tracker,
+    /// Where it goes back to once it is chosen.
+    beginning: TrackerState,
+    /// Sum of its fits since the rivals were last judged afresh.
+    fit_sum: f64,
+}
+
+impl Rival {
+    fn new(tracker: Tracker) -> Self {
+        Self { beginning: tracker.checkpoint(), tracker, fit_sum: 0.0 }
+    }
+}
+
+/// Each rival works on the same frame.
+fn step_all(rivals: &mut [Rival], seen: &Observation) -> anyhow::Result<()> {
+    rivals.par_iter_mut().try_for_each(|rival| {
+        rival.tracker.step(seen)?;
+        rival.fit_sum += rival.tracker.fit;
+        Ok(())
+    })
+}
+
+/// Leaves the `count` rivals that fit best, best first.
+fn keep_best(rivals: &mut Vec<Rival>, count: usize) {
+    rivals.sort_by(|a, b| b.fit_sum.total_cmp(&a.fit_sum));
+    rivals.truncate(count);
 }
 
 /// Standard deviations of the motion from one frame to the next, times `factor`, `[dim]`.
