@@ -10,6 +10,7 @@ use clap::{Args, Subcommand};
 use super::track::{SettingsArgs, exec_config, parse_frames};
 use crate::config::Method;
 use crate::eval::{biosig, girths, real, register, shape, shape_space, stage, stage_masks};
+use crate::predict::Activity;
 use crate::shape::ShapeMethod;
 
 /// What is evaluated.
@@ -122,9 +123,12 @@ pub struct ShapeArgs {
     /// Number of people.
     #[arg(long, value_name = "N", default_value_t = 100)]
     people: usize,
-    /// Training people and motion instead, of performers whom the prior on poses does not know: for tuning.
+    /// Training people instead, who walk as everybody does: for tuning.
     #[arg(long)]
     training: bool,
+    /// What the program is told that they do.
+    #[arg(long, value_enum, default_value_t = Activity::Walk)]
+    activity: Activity,
     /// How shapes are found.
     #[arg(long, value_enum, default_value_t)]
     search: ShapeMethod,
@@ -282,6 +286,7 @@ pub fn run(command: &EvalCommand) -> anyhow::Result<()> {
                 stage: data_folder(None, "stage").ok(),
                 motions: data_folder(None, "cmu")?,
                 on_training: args.training,
+                activity: args.activity,
                 method: args.search,
                 people: args.people,
                 out: args.out.clone(),

@@ -14,6 +14,7 @@ use silhouette::Mask;
 
 use super::eval::data_folder;
 use crate::eval::shape::train::train;
+use crate::predict::Activity;
 use crate::progress::{Progress, note};
 use crate::survey::TrainingData;
 use crate::track::{Background, ClipInput, ClipReader};
@@ -45,9 +46,9 @@ pub struct TrainShapeArgs {
     #[arg(long, value_name = "FOLDER")]
     data: Option<PathBuf>,
     /// Training people who walk.
-    #[arg(long, value_name = "N", default_value_t = 160)]
+    #[arg(long, value_name = "N", default_value_t = 240)]
     people: usize,
-    /// Where umbra-shape.json goes.
+    /// Where umbra-shape.json and umbra-shape-walk.json go.
     #[arg(long, value_name = "FOLDER", default_value = "crates/app/assets")]
     out: PathBuf,
 }
@@ -97,12 +98,14 @@ fn predictors(data: &Path, out: &Path) -> anyhow::Result<()> {
     write(&out.join("umbra-biosig.bin"), &predictors.to_bytes())
 }
 
-/// Learns the predictor of a fitted body.
+/// Learns the predictors of a fitted body.
 pub fn train_shape(args: &TrainShapeArgs) -> anyhow::Result<()> {
     let data = data_folder(args.data.as_deref(), "")?;
     make_folder(&args.out)?;
-    let path = train(&data.join("bodies"), &data.join("cmu"), args.people, &args.out)?;
-    note(&format!("{}: written", path.display()));
+    for activity in [Activity::Any, Activity::Walk] {
+        let path = train(&data.join("bodies"), &data.join("cmu"), activity, args.people, &args.out)?;
+        note(&format!("{}: written", path.display()));
+    }
     Ok(())
 }
 

@@ -8,6 +8,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::run_file::{CameraFile, RunFile};
 use super::{POSES, RUN_FILE, Status};
+use crate::predict::Activity;
 use crate::track::{Background, ClipInput};
 
 /// What a later step needs of a run.
@@ -19,6 +20,8 @@ pub struct FinishedRun {
     pub camera: Camera,
     /// Frames a second.
     pub fps: f64,
+    /// What the person was said to do.
+    pub activity: Activity,
     /// Number, status and pose of each frame.
     pub frames: Vec<(u64, Status, Pose)>,
 }
@@ -41,6 +44,11 @@ impl FinishedRun {
             input: input(&run).with_context(|| format!("{name}: cannot tell where the masks come from"))?,
             camera: camera(&run.camera).with_context(|| format!("{name}: `camera` of {RUN_FILE}"))?,
             fps: run.fps,
+            activity: run
+                .settings
+                .get("activity")
+                .and_then(toml::Value::as_str)
+                .map_or(Activity::Any, Activity::called),
             frames: read_poses(&folder.join(POSES))?,
         })
     }

@@ -13,6 +13,7 @@ use super::figure::{Figure, Rest};
 use super::rim::Seen;
 use super::search::{SearchConfig, search};
 use super::survey::Sighting;
+use crate::predict::Activity;
 
 /// Settings of a shape fit.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,13 +48,25 @@ pub enum ShapeMethod {
 
 impl Default for ShapeConfig {
     fn default() -> Self {
+        Self::of(Activity::Any)
+    }
+}
+
+impl ShapeConfig {
+    /// Settings for somebody who does `activity`. Walking has a prior of its own; the others have too few recorded performers,
+    /// and make do with that of all motion.
+    pub fn of(activity: Activity) -> Self {
+        let pose_prior = match activity {
+            Activity::Walk => activity.prior(),
+            Activity::Jog | Activity::Box | Activity::Any => PosePrior::builtin(),
+        };
         Self {
             n_shape: 24,
             n_frames: 16,
             least_frames: 4,
             correlation_secs: 0.15,
             method: ShapeMethod::default(),
-            pose_prior: Arc::new(PosePrior::builtin()),
+            pose_prior: Arc::new(pose_prior),
             adjust: AdjustConfig::default(),
             search: SearchConfig::default(),
         }

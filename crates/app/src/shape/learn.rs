@@ -20,6 +20,7 @@ pub struct KnownBody<'a> {
 }
 
 /// A fit and the truth.
+#[derive(Clone)]
 pub struct KnownFit<'a> {
     /// What was fitted.
     pub fit: ShapeFit,
@@ -98,6 +99,7 @@ pub fn learn(bodies: &[KnownBody<'_>], walks: &[KnownFit<'_>], n_shape: usize) -
         correlation: correlation(&errors),
         lines,
         sex_scores: [female, male, spread],
+        without: BTreeMap::new(),
     }
 }
 

@@ -4,17 +4,18 @@
 //! bodies themselves, and what the fit does to coefficients on synthetic walks of some of them. The errors that the
 //! predictor makes on walks it did not see give the intervals.
 
+use std::collections::BTreeMap;
+
 use body::Sex;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use super::fit::ShapeFit;
+use crate::predict::Activity;
 use crate::synth::Truth;
 
-static BUILTIN: &str = include_str!("../../assets/umbra-shape.json");
-
 /// Version of [`PredictorFile`].
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 /// Standard normal quantile that leaves 5 % above it.
 const QUANTILE_95: f64 = 1.644_853_626_951_472;
 
@@ -148,6 +149,19 @@ pub struct PredictorFile {
     pub correlation: Vec<Vec<f64>>,
     /// Mean score of women and of men as predicted, and the standard deviation about either.
     pub sex_scores: [f64; 3],
+    /// By performer: the same, learned from all other performers' walks. For tests in which people walk as the performer does.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub without: BTreeMap<String, PredictorFile>,
+}
+
+impl PredictorFile {
+    /// The file of the predictor of people fitted under the prior of `activity`: those of walking have one of their own.
+    pub const fn name_for(activity: Activity) -> &'static str {
+        match activity {
+            Activity::Walk => "umbra-shape-walk.json",
+            Activity::Jog | Activity::Box | Activity::Any => "umbra-shape.json",
+        }
+    }
 }
 
 /// A linear function of the fitted coefficients and the variance of its error.
@@ -192,9 +206,19 @@ impl Line {
 pub struct Predictor(PredictorFile);
 
 impl Predictor {
-    /// The predictor that comes with the program.
-    pub fn builtin() -> Self {
-        Self(serde_json::from_str(BUILTIN).expect("the file in the program is tested"))
+    /// The predictor that comes with the program, for fits under [`ShapeConfig::of`](super::ShapeConfig::of) this activity.
+    pub fn of(activity: Activity) -> Self {
+        let json = match activity {
+            Activity::Walk => include_str!("../../assets/umbra-shape-walk.json"),
+            Activity::Jog | Activity::Box | Activity::Any => include_str!("../../assets/umbra-shape.json"),
+        };
+        Self(serde_json::from_str(json).expect("the file in the program is tested"))
+    }
+
+    /// The same without what it learned from the walks of `performer`; itself when it learned nothing from them.
+    #[must_use]
+    pub fn without(&self, performer: &str) -> Self {
+        Self(self.0.without.get(performer).unwrap_or(&self.0).clone())
     }
 
     /// The predictor of a file.
@@ -263,9 +287,13 @@ mod tests {
     fn agrees_with_a_tape_on_bodies_of_the_model() {
         let model = BodyModel::builtin();
         let tape = Tape::of_model(&model);
-        let predictor = Predictor::builtin();
-        let n = predictor.0.lines[0].slopes.len();
-        for (axis, value) in [(0, 1.5), (0, -1.5), (1, 1.5), (1, -1.5), (2, 1.5), (3, -1.5), (0, 0.0)] {
+        let places = [(0, 1.5), (0, -1.5), (1, 1.5), (1, -1.5), (2, 1.5), (3, -1.5), (0, 0.0)];
+        for (activity, (axis, value)) in [Activity::Any, Activity::Walk]
+            .into_iter()
+            .flat_map(|activity| places.map(|place| (activity, place)))
+        {
+            let predictor = Predictor::of(activity);
+            let n = predictor.0.lines[0].slopes.len();
             let mut shape = vec![0.0; n];
             shape[axis] = value;
             let measured = tape.measure_body(&model.shape(&shape)).unwrap();
@@ -281,7 +309,7 @@ mod tests {
                 let value = found.of(quantity).value;
                 assert!(
                     (value - tape_m).abs() < most_m,
-                    "{axis} {value}: {quantity:?} {value}, tape {tape_m}"
+                    "{activity:?}, {axis} {value}: {quantity:?} {value}, tape {tape_m}"
                 );
             }
         }
@@ -289,7 +317,7 @@ mod tests {
 
     #[test]
     fn what_is_known_tightens_the_rest() {
-        let predictor = Predictor::builtin();
+        let predictor = Predictor::of(Activity::Any);
         let fit = fit(vec![0.0; predictor.0.lines[0].slopes.len()], 0.5);
         let blind = predictor.predict(&fit, &Known::default());
         let weight_kg = blind.of(Quantity::Weight).value + 8.0;

@@ -47,7 +47,7 @@ const UNMODELLED_SD: [f64; 7] = [0.015, 0.015, 0.015, 0.01, 0.006, 0.015, 2.0];
 /// What to do.
 #[derive(Clone, Debug)]
 pub struct ShapeJob {
-    /// Settings of the fit.
+    /// Settings of the fit, up to the prior on poses, which is that of the run's activity.
     pub config: ShapeConfig,
     /// What is known of the person.
     pub known: Known,
@@ -108,8 +108,10 @@ pub fn shape_of_run(folder: &Path, job: &ShapeJob) -> anyhow::Result<Biosignatur
     let (frames, camera) = read_frames(&run)?;
     let model = BodyModel::builtin();
     let stature_m = job.known.stature_m.unwrap_or(frames.stature_m);
+    let pose_prior = ShapeConfig::of(run.activity).pose_prior;
+    let job = &ShapeJob { config: ShapeConfig { pose_prior, ..job.config.clone() }, ..job.clone() };
     let fitted = fit_shape(&model, &camera, &frames.all, run.fps, stature_m, &job.config);
-    let predictor = Predictor::builtin();
+    let predictor = Predictor::of(run.activity);
     let found = match &fitted {
         Ok(fit) => {
             let prediction = predictor.predict(fit, &job.known);

@@ -49,12 +49,10 @@ pub struct SyntheticWalk {
     pub frames: Vec<WalkFrame>,
 }
 
-/// People, their motion and the noise of their silhouettes.
+/// People, how they walk through the picture, and the noise of their silhouettes.
 pub struct Studio {
     /// Who walks.
     pub people: People,
-    /// What they do.
-    pub walks: Walks,
     /// For how long, and where.
     pub walk: WalkConfig,
     /// What goes wrong with silhouettes.
@@ -62,38 +60,22 @@ pub struct Studio {
 }
 
 impl Studio {
-    /// People of `bodies` with the walks of `motions` whose split is one of `splits` (`train`, `validate`).
+    /// People of `bodies`.
     ///
     /// # Errors
     /// Names the file at fault.
-    pub fn open(bodies: &Path, motions: &Path, splits: &[&str]) -> anyhow::Result<Self> {
-        Ok(Self {
-            people: People::read(bodies)?,
-            walks: Walks::read(motions, splits)?,
-            walk: WalkConfig::default(),
-            noise: NoiseConfig::default(),
-        })
+    pub fn open(bodies: &Path) -> anyhow::Result<Self> {
+        Ok(Self { people: People::read(bodies)?, walk: WalkConfig::default(), noise: NoiseConfig::default() })
     }
 
-    /// The walk of person `person`; equal seeds give equal walks.
+    /// Person `person` walking as one of `recordings`; equal seeds give equal walks.
     ///
     /// # Errors
     /// When the recorded skeleton is of an unknown kind.
     ///
     /// # Panics
     /// When there is no such person.
-    pub fn walk(&self, person: usize, seed: u64) -> anyhow::Result<SyntheticWalk> {
-        self.walk_as(&self.walks, person, seed)
-    }
-
-    /// The same with one of `recordings` in place of all.
-    ///
-    /// # Errors
-    /// As [`walk`](Self::walk).
-    ///
-    /// # Panics
-    /// As [`walk`](Self::walk).
-    pub fn walk_as(&self, recordings: &Walks, person: usize, seed: u64) -> anyhow::Result<SyntheticWalk> {
+    pub fn walk(&self, recordings: &Walks, person: usize, seed: u64) -> anyhow::Result<SyntheticWalk> {
         let stream =
             |layer: u32| particle_rng(Draw { seed, frame: person as u64, layer, purpose: Purpose::User }, 0);
         let body = self.people.body(person);

@@ -1,7 +1,7 @@
 //! `umbra eval shape`: bodies of people who trained nothing, from synthetic walks that the program tracks itself.
 //!
-//! Motion is of recorded people whose recordings trained nothing either. Where another folder of bodies is given, all of them are
-//! tested. Baselines predict a quantity without a look at the person: the mean of the true sex, and lines on the true
+//! Nobody meets what was learned from them: the prior on poses has not seen the walker, and numbers are told by a predictor that
+//! was learned from the walks of all others. Where another folder of bodies is given, all of them are tested. Baselines predict a quantity without a look at the person: the mean of the true sex, and lines on the true
 //! stature, or stature and weight, learned on the training bodies.
 
 mod baseline;
@@ -19,12 +19,13 @@ use glam::Vec3;
 
 use super::joint_error::mean;
 use super::write_json;
-use crate::shape::{Known, Predictor, Quantity, ShapeConfig, ShapeFit, ShapeMethod, light_tracking};
+use crate::predict::Activity;
+use crate::shape::{Known, Predictor, Quantity, ShapeConfig, ShapeFit, ShapeMethod};
 use crate::synth::{People, Studio};
 use baseline::Baselines;
 use report::{Score, Scored};
 pub use report::{ShapeReport, table};
-use walks::{choose_people, fit_as_strangers, fit_people, strangers};
+use walks::{WalkTest, choose_people, new_walkers, training_walkers};
 
 /// Seed of the walks.
 const SEED: u64 = 2;
@@ -43,8 +44,10 @@ pub struct ShapeEval {
     pub stage: Option<PathBuf>,
     /// Folder of recorded motion.
     pub motions: PathBuf,
-    /// Take training people and training motion instead, of performers unknown to the prior on poses: for tuning.
+    /// Take training people instead, who walk as those of the training recordings and of the others: for tuning.
     pub on_training: bool,
+    /// What the program is told that they do.
+    pub activity: Activity,
     /// How shapes are found.
     pub method: ShapeMethod,
     /// Number of people.
@@ -60,8 +63,7 @@ pub struct ShapeEval {
 pub fn evaluate(eval: &ShapeEval) -> anyhow::Result<ShapeReport> {
     let population = People::read(&eval.population)?;
     let folder = eval.bodies.as_ref().unwrap_or(&eval.population);
-    let split = if eval.on_training { "train" } else { "validate" };
-    let studio = Studio::open(folder, &eval.motions, &[split])?;
+    let studio = Studio::open(folder)?;
     let is_population = studio.people.data().coefficients == population.data().coefficients;
     let candidates = match (is_population, eval.on_training) {
         (true, false) => population.data().held_out(),
@@ -73,18 +75,18 @@ pub fn evaluate(eval: &ShapeEval) -> anyhow::Result<ShapeReport> {
     if people.len() < 2 {
         bail!("{}: {} people to test, expected 2 at least", folder.display(), people.len());
     }
-    let config = ShapeConfig { method: eval.method, ..ShapeConfig::default() };
+    let config = ShapeConfig { method: eval.method, ..ShapeConfig::of(eval.activity) };
+    let mut walkers = new_walkers(&eval.motions, eval.activity)?;
+    if eval.on_training {
+        walkers.extend(training_walkers(&eval.motions, eval.activity)?);
+    }
     let model = BodyModel::builtin();
-    let track = light_tracking();
-    let fits = if eval.on_training {
-        let strangers = strangers(&eval.motions)?;
-        fit_as_strangers(&studio, &strangers, &people, SEED, &track, &config, SINGLE_FRAMES)?
-    } else {
-        fit_people(&studio, &people, SEED, &track, &config, SINGLE_FRAMES)?
-    };
+    let test =
+        WalkTest { studio: &studio, walkers: &walkers, seed: SEED, config: &config, n_single: SINGLE_FRAMES };
+    let fits = test.fit(&people)?;
     let training = population.data().training_bodies();
     let baselines = Baselines::learn(training.iter().map(|&person| &population.truths()[person]));
-    let predictor = Predictor::builtin();
+    let predictor = Predictor::of(eval.activity);
     let bodies = studio.people.data();
     let surface = SurfaceFit::new(bodies, &model.template().source_vertices, model.triangles())?;
     let mut scored = Vec::new();
@@ -101,6 +103,7 @@ pub fn evaluate(eval: &ShapeEval) -> anyhow::Result<ShapeReport> {
             stature_m: stature.then_some(truth.stature_m),
             weight_kg: weight.then_some(truth.weight_kg),
         };
+        let predictor = predictor.without(found.walker());
         let predict = |known: Known| found.fit.as_ref().map(|fit| predictor.predict(fit, &known));
         scored.push(Scored {
             truth,
@@ -114,7 +117,7 @@ pub fn evaluate(eval: &ShapeEval) -> anyhow::Result<ShapeReport> {
         });
     }
     let stage = match &eval.stage {
-        Some(data) => stage::subjects(data, &light_tracking(), &config)?,
+        Some(data) => stage::subjects(data, eval.method)?,
         None => Vec::new(),
     };
     let report = ShapeReport::of(&scored, stage, fits.iter().map(|found| found.seconds));

@@ -8,8 +8,10 @@ use body::io::cameras::load_camera;
 use serde::{Deserialize, Serialize};
 use silhouette::Mask;
 
-use crate::config::TrackConfig;
-use crate::shape::{Estimate, Known, Predictor, Quantity, ShapeConfig, shape_from_masks};
+use crate::predict::Activity;
+use crate::shape::{
+    Estimate, Known, Predictor, Quantity, ShapeConfig, ShapeMethod, light_tracking, shape_from_masks,
+};
 use crate::track::{ClipInput, ClipReader};
 
 const SUBJECTS: [&str; 3] = ["S1", "S2", "S3"];
@@ -55,11 +57,13 @@ pub struct StageSubject {
     pub quantities: Vec<StageQuantity>,
 }
 
-/// The subjects of `data`; those that are not there or whose shape cannot be found are left out.
+/// The subjects of `data`; those that are not there or whose shape cannot be found are left out. They walk, but the prior of
+/// walking knows their motion: here it is that of all recorded motion.
 ///
 /// # Errors
 /// When a file of a subject that is there cannot be read.
-pub fn subjects(data: &Path, track: &TrackConfig, config: &ShapeConfig) -> anyhow::Result<Vec<StageSubject>> {
+pub fn subjects(data: &Path, method: ShapeMethod) -> anyhow::Result<Vec<StageSubject>> {
+    let (track, config) = (light_tracking(), ShapeConfig { method, ..ShapeConfig::default() });
     let mut found = Vec::new();
     for subject in SUBJECTS {
         let folder = data.join(subject);
@@ -88,10 +92,10 @@ pub fn subjects(data: &Path, track: &TrackConfig, config: &ShapeConfig) -> anyho
         }
         let masks: Vec<&Mask> = masks.iter().collect();
         let model = BodyModel::builtin();
-        let Some((fit, _)) = shape_from_masks(&model, &camera, &masks, RATE_HZ, track, config)? else {
+        let Some((fit, _)) = shape_from_masks(&model, &camera, &masks, RATE_HZ, &track, &config)? else {
             continue;
         };
-        let prediction = Predictor::builtin().predict(&fit, &Known::default());
+        let prediction = Predictor::of(Activity::Any).predict(&fit, &Known::default());
         let quantities = Quantity::ALL.map(|quantity| StageQuantity {
             name: quantity.name(),
             truth: truth.of(quantity),

@@ -9,11 +9,10 @@ use body::{BodyModel, Sex};
 use rayon::prelude::*;
 use silhouette::Mask;
 
-use crate::config::TrackConfig;
 use crate::predict::Activity;
 use crate::progress::Progress;
-use crate::shape::{ShapeConfig, ShapeFit, fit_shape, shape_from_masks};
-use crate::synth::{Studio, SyntheticWalk, Truth, Walks, performer_of};
+use crate::shape::{ShapeConfig, ShapeFit, fit_shape, light_tracking, shape_from_masks};
+use crate::synth::{Studio, Truth, Walks, performer_of};
 use crate::train::Recordings;
 
 /// What the program found of a person.
@@ -30,111 +29,93 @@ pub struct PersonFit {
     pub seconds: f64,
 }
 
-/// Every person's walk with this seed, tracked and fitted, and `n_single` of its frames fitted alone; in the order of `people`.
-///
-/// # Errors
-/// When a recording does not fit.
-pub fn fit_people(
-    studio: &Studio,
-    people: &[usize],
-    seed: u64,
-    track: &TrackConfig,
-    config: &ShapeConfig,
-    n_single: usize,
-) -> anyhow::Result<Vec<PersonFit>> {
-    let model = BodyModel::builtin();
-    each(people, |person, _| fit_person(&model, &studio.walk(person, seed)?, track, config, n_single))
-}
-
 /// A performer as the program meets people in the world: what it holds for likely poses was learned from others.
-pub struct Stranger {
+pub struct Walker {
     /// The performer's walks.
     recordings: Walks,
-    /// Learned from everything that the others did.
     prior_of_others: Arc<PosePrior>,
 }
 
-/// The performers of the training recordings in `motions` who walk.
+/// The performers in `motions` who walk and trained nothing, under the prior that the program ships.
+///
+/// # Errors
+/// When the recordings cannot be read.
+pub fn new_walkers(motions: &Path, activity: Activity) -> anyhow::Result<Vec<Walker>> {
+    let prior_of_others = Arc::new(activity.prior());
+    let performers = Walks::read(motions, &["validate"])?.by_performer().into_values();
+    Ok(performers.map(|recordings| Walker { recordings, prior_of_others: prior_of_others.clone() }).collect())
+}
+
+/// The performers of the training recordings in `motions` who walk, each under a prior learned without them.
 ///
 /// # Errors
 /// When the recordings cannot be read, or are of one performer.
-pub fn strangers(motions: &Path) -> anyhow::Result<Vec<Stranger>> {
+pub fn training_walkers(motions: &Path, activity: Activity) -> anyhow::Result<Vec<Walker>> {
     let all = Recordings::read(motions)?;
     let performers = Walks::read(motions, &["train"])?.by_performer();
     ensure!(performers.len() >= 2, "{}: one person walks, expected two at least", motions.display());
-    let stranger = |(name, recordings): (String, Walks)| -> anyhow::Result<Stranger> {
-        let prior = all.without(&[name]).prior(Activity::Any)?;
-        Ok(Stranger { recordings, prior_of_others: Arc::new(prior) })
+    let walker = |(name, recordings): (String, Walks)| -> anyhow::Result<Walker> {
+        let prior_of_others = Arc::new(all.without(&[name]).prior(activity)?);
+        Ok(Walker { recordings, prior_of_others })
     };
-    performers.into_iter().map(stranger).collect()
+    performers.into_iter().map(walker).collect()
 }
 
-/// As [`fit_people`], but the people walk as `strangers` do, in turn, each fitted under the prior that has seen nothing of
-/// this performer: so training people and motion tell what the program does to people who trained nothing.
-///
-/// # Errors
-/// When a recording does not fit.
-pub fn fit_as_strangers(
-    studio: &Studio,
-    strangers: &[Stranger],
-    people: &[usize],
-    seed: u64,
-    track: &TrackConfig,
-    config: &ShapeConfig,
-    n_single: usize,
-) -> anyhow::Result<Vec<PersonFit>> {
-    let model = BodyModel::builtin();
-    each(people, |person, place| {
-        let Stranger { recordings, prior_of_others } = &strangers[place % strangers.len()];
-        let walk = studio.walk_as(recordings, person, seed)?;
-        let config = ShapeConfig { pose_prior: prior_of_others.clone(), ..config.clone() };
-        fit_person(&model, &walk, track, &config, n_single)
-    })
+/// People who walk before a camera and are fitted.
+pub struct WalkTest<'a> {
+    /// Who, and before which cameras.
+    pub studio: &'a Studio,
+    /// As whom they walk: in turn.
+    pub walkers: &'a [Walker],
+    /// Of the walks.
+    pub seed: u64,
+    /// Settings of the fits, up to the prior on poses.
+    pub config: &'a ShapeConfig,
+    /// Frames of each walk that are fitted alone.
+    pub n_single: usize,
 }
 
-/// What `fit` finds of each person, who is also told their place among `people`; in this order.
-fn each(
-    people: &[usize],
-    fit: impl Fn(usize, usize) -> anyhow::Result<PersonFit> + Sync,
-) -> anyhow::Result<Vec<PersonFit>> {
-    let progress = std::sync::Mutex::new(Progress::start("people", 0, Some(people.len() as u64)));
-    let places = people.par_iter().enumerate();
-    places
-        .map(|(place, &person)| {
-            let found = fit(person, place);
-            if let Ok(mut progress) = progress.lock() {
-                progress.advance();
-            }
-            found
-        })
-        .collect()
-}
-
-/// A person's walk tracked and fitted, and `n_single` of its frames fitted alone.
-fn fit_person(
-    model: &BodyModel,
-    walk: &SyntheticWalk,
-    track: &TrackConfig,
-    config: &ShapeConfig,
-    n_single: usize,
-) -> anyhow::Result<PersonFit> {
-    let masks: Vec<&Mask> = walk.frames.iter().map(|frame| &frame.observed).collect();
-    let started = std::time::Instant::now();
-    let found = shape_from_masks(model, &walk.camera, &masks, walk.rate_hz, track, config)?;
-    let seconds = started.elapsed().as_secs_f64();
-    let (mut whole, mut single) = (None, Vec::new());
-    if let Some((fit, frames)) = found {
-        let stature_m = model.shape(&fit.shape).stature_m();
-        let count = n_single.min(frames.len());
-        let alone = ShapeConfig { least_frames: 1, ..config.clone() };
-        for k in 0..count {
-            let at = (2 * k + 1) * frames.len() / (2 * count);
-            let frame = &frames[at..=at];
-            single.extend(fit_shape(model, &walk.camera, frame, walk.rate_hz, stature_m, &alone));
-        }
-        whole = Some(fit);
+impl WalkTest<'_> {
+    /// Tracks and fits each of `people`; in this order.
+    ///
+    /// # Errors
+    /// When a recording does not fit.
+    pub fn fit(&self, people: &[usize]) -> anyhow::Result<Vec<PersonFit>> {
+        let model = BodyModel::builtin();
+        let progress = std::sync::Mutex::new(Progress::start("people", 0, Some(people.len() as u64)));
+        let places = people.par_iter().enumerate();
+        places
+            .map(|(place, &person)| {
+                let found = self.fit_person(&model, person, &self.walkers[place % self.walkers.len()]);
+                if let Ok(mut progress) = progress.lock() {
+                    progress.advance();
+                }
+                found
+            })
+            .collect()
     }
-    Ok(PersonFit { person: walk.person, motion: walk.motion.clone(), fit: whole, single, seconds })
+
+    fn fit_person(&self, model: &BodyModel, person: usize, walker: &Walker) -> anyhow::Result<PersonFit> {
+        let walk = self.studio.walk(&walker.recordings, person, self.seed)?;
+        let config = ShapeConfig { pose_prior: walker.prior_of_others.clone(), ..self.config.clone() };
+        let masks: Vec<&Mask> = walk.frames.iter().map(|frame| &frame.observed).collect();
+        let started = std::time::Instant::now();
+        let found = shape_from_masks(model, &walk.camera, &masks, walk.rate_hz, &light_tracking(), &config)?;
+        let seconds = started.elapsed().as_secs_f64();
+        let (mut whole, mut single) = (None, Vec::new());
+        if let Some((fit, frames)) = found {
+            let stature_m = model.shape(&fit.shape).stature_m();
+            let count = self.n_single.min(frames.len());
+            let alone = ShapeConfig { least_frames: 1, ..config };
+            for k in 0..count {
+                let at = (2 * k + 1) * frames.len() / (2 * count);
+                let frame = &frames[at..=at];
+                single.extend(fit_shape(model, &walk.camera, frame, walk.rate_hz, stature_m, &alone));
+            }
+            whole = Some(fit);
+        }
+        Ok(PersonFit { person, motion: walk.motion, fit: whole, single, seconds })
+    }
 }
 
 impl PersonFit {
@@ -166,7 +147,7 @@ mod tests {
     use pf_core::rng::{Draw, Purpose, particle_rng};
 
     #[test]
-    fn a_prior_knows_nothing_of_the_stranger_it_is_for() {
+    fn a_prior_knows_nothing_of_the_walker_it_is_for() {
         let Ok(motions) = data_folder(None, "cmu") else {
             assert!(
                 std::env::var_os("UMBRA_REQUIRE_DATA").is_none_or(|value| value != "1"),
@@ -177,10 +158,10 @@ mod tests {
         };
         let model = BodyModel::builtin();
         let rest = *model.mean().rest_joints();
-        let found = strangers(&motions).unwrap();
+        let found = training_walkers(&motions, Activity::Any).unwrap();
         let shipped = PosePrior::builtin();
         let mut names = Vec::new();
-        for Stranger { recordings, prior_of_others } in &found {
+        for Walker { recordings, prior_of_others } in &found {
             let walked: Vec<String> = (0..8)
                 .map(|k| {
                     let mut rng =

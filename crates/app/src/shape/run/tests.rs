@@ -1,4 +1,5 @@
 use super::*;
+use crate::predict::Activity;
 use body::{Intrinsics, Pose};
 use glam::DVec3;
 use nalgebra::{DMatrix, DVector};
@@ -24,7 +25,7 @@ fn fit(n_frames: u64, turn_rad: f64) -> ShapeFit {
 
 fn found(fit: &ShapeFit) -> Biosignatures {
     let known = Known::default();
-    biosignatures(fit, Predictor::builtin().predict(fit, &known), &known, &camera(), &[])
+    biosignatures(fit, Predictor::of(Activity::Any).predict(fit, &known), &known, &camera(), &[])
 }
 
 #[test]

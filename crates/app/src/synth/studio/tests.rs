@@ -1,23 +1,23 @@
 use super::*;
 use crate::cli::eval::data_folder;
 
-fn studio() -> Option<Studio> {
+fn studio() -> Option<(Studio, Walks)> {
     let Ok(data) = data_folder(None, "bodies") else {
         assert!(std::env::var_os("UMBRA_REQUIRE_DATA").is_none_or(|value| value != "1"), "no data folder");
         println!("SKIPPED: no data folder");
         return None;
     };
     let motions = data.with_file_name("cmu");
-    let mut studio = Studio::open(&data, &motions, &["validate"]).unwrap();
+    let mut studio = Studio::open(&data).unwrap();
     studio.walk.n_frames = 12;
-    Some(studio)
+    Some((studio, Walks::read(&motions, &["validate"]).unwrap()))
 }
 
 #[test]
 fn walks_are_seen_whole_on_the_floor_and_repeat() {
-    let Some(studio) = studio() else { return };
+    let Some((studio, walks)) = studio() else { return };
     let person = studio.people.data().held_out()[0];
-    let walk = studio.walk(person, 5).unwrap();
+    let walk = studio.walk(&walks, person, 5).unwrap();
     assert_eq!(walk.frames.len(), 12);
     let body = studio.people.body(person);
     for frame in &walk.frames {
@@ -38,8 +38,8 @@ fn walks_are_seen_whole_on_the_floor_and_repeat() {
     for height in lowest {
         assert!(height.abs() < 1e-4, "the lowest point is {height} m above the floor");
     }
-    let again = studio.walk(person, 5).unwrap();
-    let other = studio.walk(person, 6).unwrap();
+    let again = studio.walk(&walks, person, 5).unwrap();
+    let other = studio.walk(&walks, person, 6).unwrap();
     for ((frame, again), other) in walk.frames.iter().zip(&again.frames).zip(&other.frames) {
         assert_eq!(frame.observed, again.observed);
         assert_ne!(frame.observed, other.observed);
@@ -48,7 +48,7 @@ fn walks_are_seen_whole_on_the_floor_and_repeat() {
 
 #[test]
 fn the_full_mesh_at_rest_has_the_stature_of_its_truth() {
-    let Some(studio) = studio() else { return };
+    let Some((studio, _)) = studio() else { return };
     for person in [0, 1, 1100] {
         let body = studio.people.body(person);
         let heights = body.rest_vertices().iter().map(|vertex| f64::from(vertex.y));
