@@ -11,7 +11,7 @@ use silhouette::Mask;
 
 use super::*;
 use crate::train::render::render;
-use crate::train::{Examples, TrainConfig, fit_predictor};
+use crate::train::{Examples, Step, TrainConfig, fit_predictor, fit_transitions};
 
 fn camera() -> Camera {
     let intrinsics = Intrinsics::from_focal(160, 160, 150.0).unwrap();
@@ -71,6 +71,42 @@ fn one_of_few_modes_is_the_truth() {
     }
     assert!(near >= 20, "{near} of 24 headings are near a mode");
     assert!(dense >= 20, "{dense} of 24 true headings are denser than a quarter turn off");
+}
+
+/// A walker who goes on: pose before, pose now, mask now.
+fn step(heading: f64, phase: f64) -> (ViewedPose, ViewedPose, Mask) {
+    let (_, before) = walker(heading, phase);
+    let (mask, now) = walker(heading + 0.05, phase + 0.5);
+    (before, now, mask)
+}
+
+#[test]
+fn a_transition_goes_on_from_the_pose_before_to_that_of_the_mask() {
+    let walked: Vec<_> = (0..200)
+        .map(|i| step(TAU * f64::from(i) / 200.0, TAU * (0.618_034 * f64::from(i)).fract()))
+        .collect();
+    let steps =
+        walked.iter().map(|(before, now, mask)| Step { before: before.clone(), now: now.clone(), mask });
+    let transitions = fit_transitions(steps, predictor(), &TrainConfig::default()).unwrap();
+    let at = Draw { seed: 5, frame: 0, layer: 0, purpose: Purpose::User };
+    let (mut rng, space) = (particle_rng(at, 0), predictor().space());
+    let (mut stayed, mut gone, mut turned) = (0.0, 0.0, 0.0);
+    for i in 0..24 {
+        let (before, now, mask) = step(0.11 + 0.26 * f64::from(i), 0.4 + 0.9 * f64::from(i));
+        let description = transitions.describe(&mask).unwrap();
+        let off = |pose: &ViewedPose| {
+            let pairs = space.encode(pose).into_iter().zip(space.encode(&now));
+            pairs.map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+        };
+        stayed += off(&before) / 24.0;
+        for _ in 0..8 {
+            let next = transitions.sample(&before, &description, &mut rng);
+            gone += off(&next) / (24.0 * 8.0);
+            turned += wrapped(next.heading_rad - now.heading_rad).abs() / (24.0 * 8.0);
+        }
+    }
+    assert!(gone < 0.8 * stayed, "samples are {gone:.2} from the next pose, the pose before {stayed:.2}");
+    assert!(turned < 0.4, "samples are turned by {turned:.2} rad from the next pose");
 }
 
 #[test]

@@ -18,4 +18,4 @@ pub use fit::{DescriptorKind, TrainConfig, fit_predictor};
 pub use frames::{STATURE_SD_M, TrainingFrames, first_markers, sequence_masks};
 pub use recorded::Recordings;
 pub use sequence::{examples_of_frames, notice_of, train_on_frames, train_on_sequence};
-pub use transition::train_transitions;
+pub use transition::{Step, fit_transitions, train_transitions};

@@ -5,6 +5,7 @@ use bme::{
     Design, Inputs, Kernel, MixtureConfig, MixtureOfExperts, MixtureParams, RvmConfig, mean_squared_distance,
 };
 use pf_core::rng::{Draw, Purpose, particle_rng};
+use silhouette::Mask;
 
 use super::{TrainConfig, TrainingFrames};
 use crate::predict::{PosePredictor, TransitionPredictor, ViewedPose};
@@ -30,14 +31,40 @@ pub fn train_transitions(
 ) -> anyhow::Result<TransitionPredictor> {
     let TrainingFrames { sequence, camera, masks, motion, .. } = frames;
     let camera_world = sequence.camera(camera)?.centre_world();
+    let steps = motion.motion.poses.windows(2).zip(&masks[1..]).map(|(pair, mask)| {
+        let [before, now] = [0, 1].map(|i| ViewedPose::of(&pair[i], camera_world));
+        Step { before, now, mask }
+    });
+    fit_transitions(steps, predictor, config)
+        .with_context(|| format!("{}: cannot learn how the person goes on", sequence.folder.display()))
+}
+
+/// A pose, the next one, and what the camera sees of that.
+pub struct Step<'a> {
+    /// The pose before.
+    pub before: ViewedPose,
+    /// The pose now.
+    pub now: ViewedPose,
+    /// The mask now.
+    pub mask: &'a Mask,
+}
+
+/// The same from `steps`, and from their mirror images.
+///
+/// # Errors
+/// When there is too little to learn from.
+pub fn fit_transitions<'a>(
+    steps: impl Iterator<Item = Step<'a>>,
+    predictor: &PosePredictor,
+    config: &TrainConfig,
+) -> anyhow::Result<TransitionPredictor> {
     let (space, descriptor) = (predictor.space(), predictor.descriptor());
     let at = Draw { seed: config.seed, frame: 0, layer: 0, purpose: Purpose::User };
     let mut rng = particle_rng(at, 0);
     let (mut inputs, mut targets) = (Vec::new(), vec![Vec::new(); space.dim() + 2]);
-    for (pair, mask) in motion.motion.poses.windows(2).zip(&masks[1..]) {
-        let [before, now] = [0, 1].map(|i| ViewedPose::of(&pair[i], camera_world));
+    for Step { before, now, mask } in steps {
         for (before, now, mask) in
-            [(before.mirrored(), now.mirrored(), &mask.mirrored()), (before.clone(), now.clone(), mask)]
+            [(before.mirrored(), now.mirrored(), &mask.mirrored()), (before, now, mask)]
         {
             let Some(description) = descriptor.describe(mask) else { continue };
             for _ in 0..COPIES {
@@ -52,7 +79,7 @@ pub fn train_transitions(
             }
         }
     }
-    ensure!(!inputs.is_empty(), "{}: no two frames in a row with a person", sequence.folder.display());
+    ensure!(!inputs.is_empty(), "no two frames in a row with a person");
     let (n_before, n_now) = (space.dim() + 2, descriptor.descriptor().dimension());
     let inputs = Inputs::from_rows(n_before + n_now, inputs).context("poses and descriptions")?;
     let kernel = product_kernel(&inputs, n_before, n_now)?;
