@@ -231,7 +231,7 @@ pub fn table(report: &RealReport) -> String {
     let mut text = format!("{}\n\n", report.data.display());
     text += "| start | seed | mm | median | worst | image plane | depth | pelvis | IoU | worst | lost | frames/s |\n";
     text += "|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n";
-    let given = format!("heading {:.0}°", report.heading_given_deg);
+    let given = format!("heading {}°", report.heading_given_deg.round() as i64);
     for (start, figures) in [(given.as_str(), &report.given), ("no heading", &report.without_heading)] {
         for s in &figures.seeds {
             let _ = writeln!(

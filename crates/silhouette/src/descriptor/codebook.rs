@@ -114,12 +114,14 @@ impl Codebook {
     pub fn histogram(&self, contexts: &[ShapeContext], sharpness: i32) -> Vec<f64> {
         let mut histogram = vec![0.0; self.prototypes.len()];
         let mut weights = vec![0.0; self.prototypes.len()];
+        let mut distances = vec![0.0; self.prototypes.len()];
         for context in contexts {
-            let nearest =
-                self.prototypes.iter().map(|p| squared_distance(context, p)).fold(f32::INFINITY, f32::min);
-            for (weight, prototype) in weights.iter_mut().zip(&self.prototypes) {
+            for (squared, prototype) in distances.iter_mut().zip(&self.prototypes) {
+                *squared = squared_distance(context, prototype);
+            }
+            let nearest = distances.iter().copied().fold(f32::INFINITY, f32::min);
+            for (weight, &squared) in weights.iter_mut().zip(&distances) {
                 // Relative to the nearest, so that no power overflows.
-                let squared = squared_distance(context, prototype);
                 let ratio =
                     if nearest > 0.0 { f64::from(squared / nearest).sqrt() } else { f64::from(squared) };
                 *weight = match (nearest > 0.0, squared > 0.0) {

@@ -32,9 +32,11 @@ pub fn crop_distances(mask: &Mask) -> Option<Vec<f32>> {
     let figure = figure.enlarged(2);
     let width = (figure.height() * CROP_WIDTH / CROP_HEIGHT).max(1);
     let x0 = (2.0 * middle).round() as i64 - i64::from(width / 2);
-    let crop = Mask::from_fn(width, figure.height(), |x, y| {
-        figure.get_or_background(i64::from(x) + x0, i64::from(y))
-    });
+    let mut crop = Mask::new(width, figure.height());
+    let column = |x: u32| (i64::from(x) - x0).clamp(0, i64::from(width)) as u32;
+    for y in 0..figure.height() {
+        figure.runs(y).for_each(|(first, end)| crop.fill_run(y, column(first), column(end)));
+    }
     let is_inside: Vec<bool> =
         crop.coverage(CROP_WIDTH, CROP_HEIGHT).iter().map(|&share| share >= 0.5).collect();
     Some(signed_distances(&is_inside))

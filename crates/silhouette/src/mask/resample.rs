@@ -30,7 +30,13 @@ impl Mask {
     /// Every pixel becomes a square of `factor` by `factor`.
     #[must_use]
     pub fn enlarged(&self, factor: u32) -> Self {
-        Self::from_fn(self.width * factor, self.height * factor, |x, y| self.get(x / factor, y / factor))
+        let mut large = Self::new(self.width * factor, self.height * factor);
+        for y in 0..self.height {
+            for (x0, x1) in self.runs(y) {
+                (0..factor).for_each(|k| large.fill_run(y * factor + k, x0 * factor, x1 * factor));
+            }
+        }
+        large
     }
 
     /// Every square of `factor` by `factor` pixels becomes one: person when at least half of it is.
