@@ -46,6 +46,15 @@ pub enum ShapeMethod {
     Annealed,
 }
 
+/// As which activity somebody who does `activity` is fitted. Walking has a prior and a predictor of its own; the others have too
+/// few recorded performers, and make do with those of all motion.
+pub const fn fitted_as(activity: Activity) -> Activity {
+    match activity {
+        Activity::Walk => Activity::Walk,
+        Activity::Jog | Activity::Box | Activity::Any => Activity::Any,
+    }
+}
+
 impl Default for ShapeConfig {
     fn default() -> Self {
         Self::of(Activity::Any)
@@ -53,20 +62,15 @@ impl Default for ShapeConfig {
 }
 
 impl ShapeConfig {
-    /// Settings for somebody who does `activity`. Walking has a prior of its own; the others have too few recorded performers,
-    /// and make do with that of all motion.
+    /// Settings for somebody who does `activity`.
     pub fn of(activity: Activity) -> Self {
-        let pose_prior = match activity {
-            Activity::Walk => activity.prior(),
-            Activity::Jog | Activity::Box | Activity::Any => PosePrior::builtin(),
-        };
         Self {
             n_shape: 24,
             n_frames: 16,
             least_frames: 4,
             correlation_secs: 0.15,
             method: ShapeMethod::default(),
-            pose_prior: Arc::new(pose_prior),
+            pose_prior: Arc::new(fitted_as(activity).prior()),
             adjust: AdjustConfig::default(),
             search: SearchConfig::default(),
         }

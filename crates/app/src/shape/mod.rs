@@ -22,7 +22,7 @@ pub mod search;
 pub mod survey;
 
 pub use clip::{light_tracking, shape_from_masks};
-pub use fit::{NoShape, ShapeConfig, ShapeFit, ShapeFrame, ShapeMethod, fit_shape};
+pub use fit::{NoShape, ShapeConfig, ShapeFit, ShapeFrame, ShapeMethod, fit_shape, fitted_as};
 pub use given::Told;
 pub use predict::{Estimate, Known, Prediction, Predictor, Quantity};
 pub use run::{Biosignatures, ShapeJob, shape_of_run};

@@ -10,7 +10,7 @@ use body::Sex;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use super::fit::ShapeFit;
+use super::fit::{ShapeFit, fitted_as};
 use crate::predict::Activity;
 use crate::synth::Truth;
 
@@ -155,11 +155,12 @@ pub struct PredictorFile {
 }
 
 impl PredictorFile {
-    /// The file of the predictor of people fitted under the prior of `activity`: those of walking have one of their own.
+    /// The file of the predictor for people who do `activity`.
     pub const fn name_for(activity: Activity) -> &'static str {
-        match activity {
-            Activity::Walk => "umbra-shape-walk.json",
-            Activity::Jog | Activity::Box | Activity::Any => "umbra-shape.json",
+        if matches!(fitted_as(activity), Activity::Walk) {
+            "umbra-shape-walk.json"
+        } else {
+            "umbra-shape.json"
         }
     }
 }
@@ -208,9 +209,9 @@ pub struct Predictor(PredictorFile);
 impl Predictor {
     /// The predictor that comes with the program, for fits under [`ShapeConfig::of`](super::ShapeConfig::of) this activity.
     pub fn of(activity: Activity) -> Self {
-        let json = match activity {
+        let json = match fitted_as(activity) {
             Activity::Walk => include_str!("../../assets/umbra-shape-walk.json"),
-            Activity::Jog | Activity::Box | Activity::Any => include_str!("../../assets/umbra-shape.json"),
+            _ => include_str!("../../assets/umbra-shape.json"),
         };
         Self(serde_json::from_str(json).expect("the file in the program is tested"))
     }

@@ -40,7 +40,7 @@ fn overlaps(criterion: &mut Criterion) {
     let mut group =
         criterion.benchmark_group(format!("overlap/{name}_{}x{}", counts.len(), job.vertices_per_mesh));
     group.throughput(Throughput::Elements(counts.len() as u64));
-    for (threads, step) in [(1, 1), (2, 1), (1, 2), (1, 4)] {
+    for (threads, step) in [(1, 1), (2, 1), (1, 2)] {
         let mut scorer = CpuScorer::with_threads(threads);
         scorer.set_target(&job.mask(), &job.camera).expect("the mask fits the camera");
         scorer.set_row_step(RowStep::new(step).expect("a power of two"));
@@ -48,7 +48,7 @@ fn overlaps(criterion: &mut Criterion) {
         scorer.score(&batch, &mut counts).expect("the meshes can be scored");
         for (counts, iou) in counts.iter().zip(&job.iou_reference) {
             assert!(
-                (counts.iou() - iou).abs() < 0.003 * f64::from(step),
+                (counts.iou() - iou).abs() < 0.005,
                 "{counts:?}, expected an intersection over union of {iou}"
             );
         }

@@ -1,8 +1,9 @@
 //! `umbra eval shape`: bodies of people who trained nothing, from synthetic walks that the program tracks itself.
 //!
 //! Nobody meets what was learned from them: the prior on poses has not seen the walker, and numbers are told by a predictor that
-//! was learned from the walks of all others. Where another folder of bodies is given, all of them are tested. Baselines predict a quantity without a look at the person: the mean of the true sex, and lines on the true
-//! stature, or stature and weight, learned on the training bodies.
+//! was learned from the walks of all others. Where another folder of bodies is given, all of them are tested. Baselines predict a
+//! quantity without a look at the person: the mean of the true sex, and lines on the true stature, or stature and weight, learned
+//! on the training bodies.
 
 mod baseline;
 mod report;

@@ -11,7 +11,7 @@ use silhouette::Mask;
 
 use crate::predict::Activity;
 use crate::progress::Progress;
-use crate::shape::{ShapeConfig, ShapeFit, fit_shape, light_tracking, shape_from_masks};
+use crate::shape::{ShapeConfig, ShapeFit, fit_shape, fitted_as, light_tracking, shape_from_masks};
 use crate::synth::{Studio, Truth, Walks, performer_of};
 use crate::train::Recordings;
 
@@ -41,7 +41,7 @@ pub struct Walker {
 /// # Errors
 /// When the recordings cannot be read.
 pub fn new_walkers(motions: &Path, activity: Activity) -> anyhow::Result<Vec<Walker>> {
-    let prior_of_others = Arc::new(activity.prior());
+    let prior_of_others = ShapeConfig::of(activity).pose_prior;
     let performers = Walks::read(motions, &["validate"])?.by_performer().into_values();
     Ok(performers.map(|recordings| Walker { recordings, prior_of_others: prior_of_others.clone() }).collect())
 }
@@ -55,7 +55,7 @@ pub fn training_walkers(motions: &Path, activity: Activity) -> anyhow::Result<Ve
     let performers = Walks::read(motions, &["train"])?.by_performer();
     ensure!(performers.len() >= 2, "{}: one person walks, expected two at least", motions.display());
     let walker = |(name, recordings): (String, Walks)| -> anyhow::Result<Walker> {
-        let prior_of_others = Arc::new(all.without(&[name]).prior(activity)?);
+        let prior_of_others = Arc::new(all.without(&[name]).prior(fitted_as(activity))?);
         Ok(Walker { recordings, prior_of_others })
     };
     performers.into_iter().map(walker).collect()
