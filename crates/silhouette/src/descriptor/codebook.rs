@@ -114,25 +114,33 @@ impl Codebook {
     pub fn histogram(&self, contexts: &[ShapeContext], sharpness: i32) -> Vec<f64> {
         let mut histogram = vec![0.0; self.prototypes.len()];
         let mut weights = vec![0.0; self.prototypes.len()];
-        let mut distances = vec![0.0; self.prototypes.len()];
         for context in contexts {
-            for (squared, prototype) in distances.iter_mut().zip(&self.prototypes) {
+            for (squared, prototype) in weights.iter_mut().zip(&self.prototypes) {
                 *squared = squared_distance(context, prototype);
             }
-            let nearest = distances.iter().copied().fold(f32::INFINITY, f32::min);
-            for (weight, &squared) in weights.iter_mut().zip(&distances) {
-                // Relative to the nearest, so that no power overflows.
-                let ratio =
-                    if nearest > 0.0 { f64::from(squared / nearest).sqrt() } else { f64::from(squared) };
-                *weight = match (nearest > 0.0, squared > 0.0) {
-                    (true, _) => ratio.powi(-sharpness),
-                    (false, is_apart) => f64::from(u8::from(!is_apart)),
-                };
-            }
-            let share = 1.0 / (weights.iter().sum::<f64>() * contexts.len() as f64);
-            histogram.iter_mut().zip(&weights).for_each(|(total, weight)| *total += share * weight);
+            shares_of_squared_distances(&mut weights, sharpness);
+            let share =
+                1.0 / (weights.iter().map(|&weight| f64::from(weight)).sum::<f64>() * contexts.len() as f64);
+            histogram
+                .iter_mut()
+                .zip(&weights)
+                .for_each(|(total, &weight)| *total += share * f64::from(weight));
         }
         histogram
+    }
+}
+
+/// Replaces squared distances by 1 / distance^`sharpness`, relative to the nearest, so that no power overflows; where some
+/// are 0, by 1 for these and 0 for the others.
+fn shares_of_squared_distances(squared: &mut [f32], sharpness: i32) {
+    let nearest = squared.iter().copied().fold(f32::INFINITY, f32::min);
+    if nearest == 0.0 {
+        squared.iter_mut().for_each(|value| *value = f32::from(u8::from(*value == 0.0)));
+        return;
+    }
+    squared.iter_mut().for_each(|value| *value = (nearest / *value).sqrt());
+    if sharpness != 1 {
+        squared.iter_mut().for_each(|value| *value = value.powi(sharpness));
     }
 }
 

@@ -34,35 +34,50 @@ pub fn contour_contexts(mask: &Mask) -> Option<Vec<ShapeContext>> {
 /// Points nearer than the first ring count as in it (their direction is still known); points beyond the last ring do
 /// not count. Distances are measured in the mean distance of all pairs, so that size does not matter.
 pub fn shape_contexts(points: &[[f64; 2]]) -> Vec<ShapeContext> {
-    let mean_distance = mean_distance(points);
-    let scale = 1.0 / (mean_distance * RADIAL_RANGE[0]);
-    let rings_per_log = RADIAL_BINS as f64 / (RADIAL_RANGE[1] / RADIAL_RANGE[0]).ln();
-    let sectors_per_radian = ANGULAR_BINS as f64 / TAU;
+    let borders = squared_borders(mean_distance(points));
     let share = 1.0 / (points.len().max(2) - 1) as f32;
-    points
-        .iter()
-        .enumerate()
-        .map(|(index, center)| {
-            let mut context = [0.0; CONTEXT_BINS];
-            for (_, point) in points.iter().enumerate().filter(|(other, _)| *other != index) {
-                let [dx, dy] = [point[0] - center[0], point[1] - center[1]];
-                let ring = ((dx.hypot(dy) * scale).ln() * rings_per_log).max(0.0) as usize;
-                if ring < RADIAL_BINS {
-                    let turns = dy.atan2(dx) * sectors_per_radian + 0.5;
-                    let sector = turns.rem_euclid(ANGULAR_BINS as f64) as usize % ANGULAR_BINS;
-                    context[ring * ANGULAR_BINS + sector] += share;
-                }
+    let mut contexts = vec![[0.0; CONTEXT_BINS]; points.len()];
+    for (index, point) in points.iter().enumerate() {
+        for other in index + 1..points.len() {
+            let [dx, dy] = [points[other][0] - point[0], points[other][1] - point[1]];
+            let squared = dx * dx + dy * dy;
+            let ring = borders.iter().filter(|&&border| squared >= border).count();
+            if ring < RADIAL_BINS {
+                // Seen from there, this point lies the opposite way.
+                let [there, back] = opposite_sectors(dx, dy);
+                contexts[index][ring * ANGULAR_BINS + there] += share;
+                contexts[other][ring * ANGULAR_BINS + back] += share;
             }
-            context
-        })
-        .collect()
+        }
+    }
+    contexts
+}
+
+/// Squared distances at which the rings end.
+fn squared_borders(mean_distance: f64) -> [f64; RADIAL_BINS] {
+    let [first, last] = RADIAL_RANGE;
+    std::array::from_fn(|ring| {
+        let share = (ring + 1) as f64 / RADIAL_BINS as f64;
+        (mean_distance * first * (last / first).powf(share)).powi(2)
+    })
+}
+
+/// The sectors of a direction and of its opposite. Points that coincide lie in sector 0 of each other.
+fn opposite_sectors(dx: f64, dy: f64) -> [usize; 2] {
+    let turns = dy.atan2(dx) * (ANGULAR_BINS as f64 / TAU) + 0.5;
+    let sector = turns.rem_euclid(ANGULAR_BINS as f64) as usize % ANGULAR_BINS;
+    let is_apart = dx != 0.0 || dy != 0.0;
+    [sector, if is_apart { (sector + ANGULAR_BINS / 2) % ANGULAR_BINS } else { sector }]
 }
 
 /// Mean distance over all pairs of points; 1 when they all coincide.
 fn mean_distance(points: &[[f64; 2]]) -> f64 {
     let mut sum = 0.0;
     for (index, a) in points.iter().enumerate() {
-        sum += points[index + 1..].iter().map(|b| (a[0] - b[0]).hypot(a[1] - b[1])).sum::<f64>();
+        sum += points[index + 1..]
+            .iter()
+            .map(|b| ((a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2)).sqrt())
+            .sum::<f64>();
     }
     let n_pairs = points.len() * points.len().saturating_sub(1) / 2;
     if sum > 0.0 { sum / n_pairs as f64 } else { 1.0 }
