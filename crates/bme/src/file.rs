@@ -75,7 +75,7 @@ pub struct FunctionFile {
     pub precisions: Vec<f64>,
     /// Means of the weights.
     pub mean: Vec<f64>,
-    /// The lower triangle of their covariance, row after row.
+    /// The lower triangle of their covariance, row after row; empty for weights that are taken to be exact.
     pub covariance: Vec<f64>,
     /// Variance of the noise.
     pub noise_variance: f64,
@@ -177,6 +177,16 @@ pub struct LatentFile {
     pub encoder: RvmFile,
 }
 
+impl LatentFile {
+    /// Leaves out the samples that both maps keep, so that they cannot learn on as well, and how unsure the decoder is of its
+    /// weights: its variance is then that of the noise.
+    pub fn shrink(&mut self) {
+        self.encoder.memory = MemoryFile::default();
+        self.decoder.memory = MemoryFile::default();
+        self.decoder.outputs.iter_mut().for_each(|output| output.covariance = Vec::new());
+    }
+}
+
 fn same_length(field: &'static str, found: usize, expected: usize) -> Result<(), ModelFileError> {
     if found == expected { Ok(()) } else { Err(ModelFileError::Length { field, found, expected }) }
 }
@@ -243,16 +253,19 @@ impl FunctionFile {
         all_positive("noise_variance", &[self.noise_variance])?;
         all_positive("total_weight", &[self.total_weight])?;
         all_finite("log_evidence", &[self.log_evidence])?;
-        let length = ModelFileError::Length {
-            field: "covariance",
-            found: self.covariance.len(),
-            expected: n * (n + 1) / 2,
+        let covariance = match self.covariance.as_slice() {
+            [] => Symmetric::from_fn(n, |_, _| 0.0),
+            triangle => Symmetric::from_lower_triangle(n, triangle).ok_or(ModelFileError::Length {
+                field: "covariance",
+                found: triangle.len(),
+                expected: n * (n + 1) / 2,
+            })?,
         };
         Ok(SparseFunction {
             bases: self.bases.into_iter().map(|basis| basis as usize).collect(),
             precisions: self.precisions,
             mean: self.mean,
-            covariance: Symmetric::from_lower_triangle(n, &self.covariance).ok_or(length)?,
+            covariance,
             noise_variance: self.noise_variance,
             log_evidence: self.log_evidence,
             total_weight: self.total_weight,
@@ -518,7 +531,7 @@ mod tests {
         assert!(
             error(&|f| f.outputs[0].bases[0] = 999).starts_with("`bases` names centre 999, but there are")
         );
-        assert!(error(&|f| f.outputs[0].covariance.truncate(0)).starts_with("`covariance` has"));
+        assert!(error(&|f| f.outputs[0].covariance.truncate(2)).starts_with("`covariance` has"));
         assert_eq!(error(&|f| f.bases.kernel.clear()), "`kernel` cannot be used");
     }
 }

@@ -118,8 +118,13 @@ impl Kernel {
 
     /// K(x, c) of all centres, appended to `out`.
     pub(crate) fn at_centres(&self, centres: &Inputs, x: &[f64], out: &mut Vec<f64>) {
+        out.extend(self.values(centres, x));
+    }
+
+    /// K(x, c) of one centre after the other.
+    pub(crate) fn values<'a>(&'a self, centres: &'a Inputs, x: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         assert_eq!(x.len(), self.dim(), "an input of {} for a kernel over {}", x.len(), self.dim());
-        out.extend((0..centres.len()).map(|centre| {
+        (0..centres.len()).map(move |centre| {
             let centre = centres.row(centre);
             let (mut start, mut exponent) = (0, 0.0);
             for block in &self.blocks {
@@ -128,7 +133,7 @@ impl Kernel {
                 start += block.dim;
             }
             (-exponent).exp()
-        }));
+        })
     }
 
     /// Moves `x` to where this kernel is exp(−|z − z′|²): every block times √g.

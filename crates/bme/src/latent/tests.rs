@@ -79,3 +79,21 @@ fn unusable_rows_are_named() {
         "all 30 rows are alike, expected some that differ"
     );
 }
+
+#[test]
+fn a_small_file_decodes_and_encodes_as_before() {
+    use crate::file::LatentFile;
+    let model = fit(&gait(150, 5));
+    let mut file = LatentFile::from(&model);
+    let whole = file.clone();
+    file.shrink();
+    assert!(file.decoder.outputs.iter().all(|output| output.covariance.is_empty()));
+    assert_eq!(SpectralLatentModel::try_from(whole).unwrap().encoder.outputs, model.encoder.outputs);
+    let small = SpectralLatentModel::try_from(file).unwrap();
+    let y = gait(1, 6).row_f64(0);
+    assert_eq!(small.encode(&y).mean, model.encode(&y).mean);
+    assert_eq!(small.decode(&[0.1, 0.2, 0.3]), model.decode(&[0.1, 0.2, 0.3]));
+    let (mut room, mut mean, mut variance) = (vec![0.0; small.decoder.n_features()], [0.0; 20], [0.0; 20]);
+    small.decoder.predict_into(&[0.1, 0.2, 0.3], &mut room, &mut mean, &mut variance);
+    assert_eq!(variance.to_vec(), small.decoder.noise_variance());
+}

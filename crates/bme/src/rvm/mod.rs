@@ -45,6 +45,15 @@ impl SparseFunction {
         self.bases.iter().zip(&self.mean).map(|(&basis, weight)| weight * features[basis]).sum()
     }
 
+    /// The variance of the function (without noise), likewise.
+    fn variance_at(&self, features: &[f64]) -> f64 {
+        let feature = |i: usize| features[self.bases[i]];
+        let quadratic = |i: usize| -> f64 {
+            feature(i) * self.covariance.row(i).iter().enumerate().map(|(j, c)| c * feature(j)).sum::<f64>()
+        };
+        self.noise_variance * (0..self.bases.len()).map(quadratic).sum::<f64>().max(0.0)
+    }
+
     /// Mean and variance of the function (without noise) from all kernels of the model at an input.
     pub(crate) fn predict(&self, features: &[f64]) -> (f64, f64) {
         let own: Vec<f64> = self.bases.iter().map(|&basis| features[basis]).collect();

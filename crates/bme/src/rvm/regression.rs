@@ -139,6 +139,37 @@ impl Rvm {
         (means, self.outputs.iter().map(derivatives).collect())
     }
 
+    /// Length of the room that [`Self::mean_into`] and [`Self::predict_into`] work in.
+    pub fn n_features(&self) -> usize {
+        self.centres.len() + 1
+    }
+
+    /// The mean outputs at `x`, without allocating: `room` is [`Self::n_features`] long, `mean` as long as the outputs.
+    ///
+    /// # Panics
+    /// When a length is wrong.
+    pub fn mean_into(&self, x: &[f64], room: &mut [f64], mean: &mut [f64]) {
+        self.fill_features(x, room);
+        mean.iter_mut().zip(&self.outputs).for_each(|(mean, output)| *mean = output.mean_at(room));
+    }
+
+    /// Mean and variance of a new observation at `x`, as [`Expert::predict`], without allocating.
+    ///
+    /// # Panics
+    /// When a length is wrong.
+    pub fn predict_into(&self, x: &[f64], room: &mut [f64], mean: &mut [f64], variance: &mut [f64]) {
+        self.mean_into(x, room, mean);
+        variance.iter_mut().zip(&self.outputs).for_each(|(variance, output)| {
+            *variance = output.noise_variance + output.variance_at(room);
+        });
+    }
+
+    fn fill_features(&self, x: &[f64], room: &mut [f64]) {
+        assert_eq!(room.len(), self.n_features(), "room for {} features", room.len());
+        let values = self.kernel.values(&self.centres, x).chain([1.0]);
+        room.iter_mut().zip(values).for_each(|(feature, value)| *feature = value);
+    }
+
     /// All kernels at `x`, and 1 for the bias after them.
     pub(crate) fn features(&self, x: &[f64]) -> Vec<f64> {
         let mut features = Vec::with_capacity(self.centres.len() + 1);

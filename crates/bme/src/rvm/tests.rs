@@ -43,6 +43,24 @@ fn intervals_cover_what_they_claim() {
 }
 
 #[test]
+fn predictions_without_allocating_are_the_same() {
+    let (x, y) = noisy_sinc(80, 9);
+    let other: Vec<f64> = y.iter().map(|y| 2.0 * y - 1.0).collect();
+    let model = Rvm::fit(&line(&x, 0.25), &[y, other], &[1.0; 80], &RvmParams::default()).unwrap();
+    let mut expected = Gaussian::default();
+    let mut room = vec![0.0; model.n_features()];
+    let (mut mean, mut variance) = ([0.0; 2], [0.0; 2]);
+    for x in [-12.0, -0.3, 4.0] {
+        model.predict(&[x], &mut expected);
+        model.predict_into(&[x], &mut room, &mut mean, &mut variance);
+        for d in 0..2 {
+            assert!((mean[d] - expected.mean[d]).abs() < 1e-12);
+            assert!((variance[d] / expected.variance[d] - 1.0).abs() < 1e-9);
+        }
+    }
+}
+
+#[test]
 fn weight_two_is_the_sample_twice() {
     let (mut x, mut y) = noisy_sinc(60, 5);
     let weights: Vec<f64> = (0..60).map(|i| if i < 20 { 2.0 } else { 1.0 }).collect();
