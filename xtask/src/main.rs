@@ -30,6 +30,7 @@ runs of `umbra`, built in release; the arguments are passed on
   train-shape ...       learn what a fitted body says of girths, weight and gender
   eval real ...         score tracking on a folder laid out as a recorded clip
   eval stage ...        score trackers on a stage-like data set
+  eval latent ...       score what few coordinates keep of poses
   eval biosig ...       score stature, weight and gender from known shapes
   eval girths ...       score the measuring code on bodies of known girths
   eval register ...     score registration on scans of known surface
@@ -63,7 +64,8 @@ fn run(args: &[String]) -> Result<ExitCode> {
         ["assets" | "fixtures" | "train" | "train-shape", ..]
         | [
             "eval",
-            "real" | "shape" | "stage" | "stage-masks" | "girths" | "register" | "biosig" | "shape-space",
+            "real" | "shape" | "stage" | "latent" | "stage-masks" | "girths" | "register" | "biosig"
+            | "shape-space",
             ..,
         ] => {
             let umbra = ["run", "--release", "--package", "app", "--bin", "umbra", "--"];

@@ -15,6 +15,8 @@ pub enum Motion {
     Any,
     /// What the captured motions span: principal components of joint angles.
     Captured,
+    /// The poses of captured motions and how they go on: a spectral latent variable model with learned dynamics.
+    Latent,
 }
 
 /// The tracker: what of the bottom-up predictor it uses, and where.
@@ -32,6 +34,11 @@ pub enum Method {
 }
 
 impl Method {
+    /// Whether it asks a predictor of poses what a mask shows.
+    pub const fn asks_predictor(self) -> bool {
+        matches!(self, Self::Jpf | Self::Jlm)
+    }
+
     /// Its name in tables.
     pub const fn name(self) -> &'static str {
         match self {
@@ -81,7 +88,7 @@ impl Preset {
                 layers: 10,
                 modes: 1,
                 weighting: Weighting::Paper,
-                motion: Motion::Captured,
+                motion: Motion::Latent,
                 components: 5,
                 refine_steps: 0,
                 travel_weight: 0.0,
@@ -119,7 +126,7 @@ pub struct TrackConfig {
     pub smooth: u32,
     /// Which motions are expected.
     pub motion: Motion,
-    /// Principal components kept by [`Motion::Captured`].
+    /// Principal components kept by [`Motion::Captured`], and coordinates of [`Motion::Latent`] where these are learned for the run.
     pub components: u32,
     /// Stature of the person, metres; measured on the first masks when absent.
     pub stature_m: Option<f64>,

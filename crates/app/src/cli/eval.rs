@@ -9,9 +9,10 @@ use clap::{Args, Subcommand};
 
 use super::track::{SettingsArgs, exec_config, parse_frames};
 use crate::config::Method;
-use crate::eval::{biosig, girths, real, register, shape, shape_space, stage, stage_masks};
+use crate::eval::{biosig, girths, latent, real, register, shape, shape_space, stage, stage_masks};
 use crate::predict::Activity;
 use crate::shape::ShapeMethod;
+use crate::train::DescriptorKind;
 
 /// What is evaluated.
 #[derive(Debug, Subcommand)]
@@ -26,6 +27,8 @@ pub enum EvalCommand {
     Register(RegisterArgs),
     /// Shape spaces from registered scans and from known correspondences, side by side.
     ShapeSpace(ShapeSpaceArgs),
+    /// What few latent coordinates keep of poses, and how well they tell the next one.
+    Latent(LatentArgs),
     /// Trackers on a stage-like data set, against true joints.
     Stage(StageArgs),
     /// Bodies of people who trained nothing, from synthetic walks.
@@ -83,6 +86,9 @@ pub struct StageArgs {
     /// Test on the last of the training frames and train on those before them: for tuning.
     #[arg(long)]
     validate: bool,
+    /// What describes a mask to predictors that are trained [default: crop; histogram under the preset of the paper].
+    #[arg(long, value_enum)]
+    descriptor: Option<DescriptorKind>,
     /// Keep the predictors that are trained in this folder, and use those that are there.
     #[arg(long, value_name = "FOLDER")]
     models: Option<PathBuf>,
@@ -112,6 +118,23 @@ pub struct StageArgs {
     threads: Option<usize>,
     #[command(flatten)]
     settings: SettingsArgs,
+}
+
+/// Arguments of `umbra eval latent`.
+#[derive(Debug, Args)]
+pub struct LatentArgs {
+    /// A folder of recorded motion [default: cmu of the data folder, and its stage].
+    #[arg(long, value_name = "FOLDER")]
+    recordings: Option<PathBuf>,
+    /// A stage-like data set.
+    #[arg(long, value_name = "FOLDER")]
+    stage: Option<PathBuf>,
+    /// Where eval.json goes.
+    #[arg(long, value_name = "FOLDER", default_value = "runs/eval-latent")]
+    out: PathBuf,
+    /// Worker threads; the results do not depend on them [default: one a core].
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
 }
 
 /// Arguments of `umbra eval shape`.
@@ -258,6 +281,7 @@ pub fn run(command: &EvalCommand) -> anyhow::Result<()> {
                 masks: args.masks.clone(),
                 methods: args.methods.clone(),
                 train: args.train,
+                descriptor: args.descriptor.unwrap_or(args.settings.descriptor()),
                 validate: args.validate,
                 recordings: match (args.train, &args.recordings) {
                     (stage::TrainOn::Others, None) => Some(data_folder(None, "cmu")?),
@@ -278,6 +302,15 @@ pub fn run(command: &EvalCommand) -> anyhow::Result<()> {
                 exec: exec_config(args.threads)?,
             })?;
             stage::table(&report)
+        }
+        EvalCommand::Latent(args) => {
+            let recordings = data_folder(args.recordings.as_deref(), "cmu")?;
+            let stage = match (&args.recordings, &args.stage) {
+                (Some(_), stage) => stage.clone(),
+                (None, stage) => Some(data_folder(stage.as_deref(), "stage")?),
+            };
+            let exec = exec_config(args.threads)?;
+            latent::table(&in_pool(exec, || latent::evaluate(&recordings, stage.as_deref(), &args.out))?)
         }
         EvalCommand::Shape(args) => {
             let eval = shape::ShapeEval {

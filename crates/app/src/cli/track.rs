@@ -11,6 +11,7 @@ use crate::predict::Activity;
 use crate::progress::note;
 use crate::run_folder::Existing;
 use crate::track::{Background, CameraChoice, ClipInput, TrackJob, TrackOutcome, track_clip};
+use crate::train::DescriptorKind;
 
 /// Arguments of `umbra track`.
 #[derive(Debug, Args)]
@@ -138,6 +139,14 @@ fn or_else(what: &str, value: impl std::fmt::Display) -> String {
 }
 
 impl SettingsArgs {
+    /// The description of masks that belongs to the preset.
+    pub fn descriptor(&self) -> DescriptorKind {
+        match self.preset {
+            Some(Preset::Paper) => DescriptorKind::Histogram,
+            Some(Preset::Best) | None => DescriptorKind::Crop,
+        }
+    }
+
     /// The settings of the preset, under those of the file if one is given, under those of the command line.
     pub fn config(&self) -> anyhow::Result<TrackConfig> {
         self.config_over(TrackConfig::default())

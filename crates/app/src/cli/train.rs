@@ -129,6 +129,11 @@ fn train_shipped(args: &TrainArgs) -> anyhow::Result<()> {
         if activity != Activity::Any {
             write_whole(&path("prior"), &recordings.prior(activity)?.to_bytes())?;
         }
+        if !path("latent").is_file() {
+            let start = Instant::now();
+            write_whole(&path("latent"), &recordings.latent(activity)?.to_bytes())?;
+            note(&format!("{}: {:.1} s", path("latent").display(), start.elapsed().as_secs_f64()));
+        }
         if path("predict").is_file() {
             progress.note(&format!("{}: there already", path("predict").display()));
         } else {

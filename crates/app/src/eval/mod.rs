@@ -3,6 +3,7 @@
 pub mod biosig;
 pub mod girths;
 pub mod joint_error;
+pub mod latent;
 pub mod real;
 pub mod reference;
 pub mod register;

@@ -1,9 +1,9 @@
 //! How poses go on: the next coordinates of a pose from the present ones.
 
-use bme::{
-    Design, Expert as _, FitError, Gaussian, Inputs, InputsError, Rvm, RvmConfig, RvmParams,
-    kernels_by_spread,
-};
+use bme::file::{MemoryFile, ModelFileError, RvmFile};
+use bme::{Design, Expert as _, FitError, Inputs, InputsError, Rvm, RvmConfig, RvmParams, kernels_by_spread};
+use pf_core::scratch::with_buffer;
+use serde::{Deserialize, Serialize};
 
 /// Inverse kernel width over the mean squared distance of the training poses: smooth over about a fifth of a stride.
 const WIDTH_FACTOR: f64 = 1.0;
@@ -65,7 +65,7 @@ impl LatentDynamics {
             min_gain: 0.1,
             min_gain_of_addition: 1.0,
             initial_noise: 1e-4,
-            max_bases: 60,
+            max_bases: 16,
             ..RvmConfig::default()
         };
         let params = RvmParams::new(config).expect("the settings above are positive");
@@ -79,15 +79,32 @@ impl LatentDynamics {
         self.step.output_dim()
     }
 
-    /// Mean and variance of each coordinate one frame later, `[dim]`.
+    /// Mean and variance of the step of each coordinate to the next frame, `[dim]`.
     ///
     /// # Panics
     /// When there are not [`Self::dim`] coordinates.
-    pub fn predict(&self, previous: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let mut step = Gaussian::default();
-        self.step.predict(previous, &mut step);
-        let mean = previous.iter().zip(&step.mean).map(|(x, step)| x + step).collect();
-        (mean, step.variance)
+    pub fn step_into(&self, previous: &[f64], mean: &mut [f64], variance: &mut [f64]) {
+        with_buffer(self.step.n_features(), |room| self.step.predict_into(previous, room, mean, variance));
+    }
+}
+
+/// What a file holds of [`LatentDynamics`].
+#[derive(Serialize, Deserialize)]
+pub(super) struct DynamicsFile(RvmFile);
+
+impl From<&LatentDynamics> for DynamicsFile {
+    fn from(dynamics: &LatentDynamics) -> Self {
+        let mut step = RvmFile::from(&dynamics.step);
+        step.memory = MemoryFile::default();
+        Self(step)
+    }
+}
+
+impl TryFrom<DynamicsFile> for LatentDynamics {
+    type Error = ModelFileError;
+
+    fn try_from(file: DynamicsFile) -> Result<Self, ModelFileError> {
+        Ok(Self { step: Rvm::try_from(file.0)? })
     }
 }
 
@@ -106,8 +123,10 @@ mod tests {
         let clip = cycle(121);
         let dynamics = LatentDynamics::fit(std::slice::from_ref(&clip)).unwrap();
         for pair in clip.windows(2) {
-            let (mean, variance) = dynamics.predict(&pair[0]);
-            assert!(mean.iter().zip(&pair[1]).all(|(a, b)| (a - b).abs() < 0.02), "{mean:?} {pair:?}");
+            let (mut step, mut variance) = ([0.0; 3], [0.0; 3]);
+            dynamics.step_into(&pair[0], &mut step, &mut variance);
+            let off = (0..3).map(|d| pair[0][d] + step[d] - pair[1][d]);
+            assert!(off.into_iter().all(|off| off.abs() < 0.02), "{step:?} {pair:?}");
             assert!(variance.iter().all(|v| *v > 0.0 && *v < 1e-2));
         }
     }

@@ -2,12 +2,13 @@
 //!
 //! A [`PosePredictor`] describes the mask, and its experts answer with a density over heading and pose
 //! ([`PoseDensity`]): to be sampled, to weigh a pose by, to take a few modes from. The answer is a [`ViewedPose`], which
-//! becomes a pose in the world with the place of camera and pelvis. [`LatentDynamics`] says how poses go on,
-//! [`TransitionPredictor`] how they do given the next mask.
+//! becomes a pose in the world with the place of camera and pelvis. [`LatentPoses`] are few coordinates for poses, whose
+//! [`LatentDynamics`] say how they go on; [`TransitionPredictor`] says how they do given the next mask.
 
 mod descriptor;
 mod dynamics;
 mod file;
+mod latent;
 mod pose_space;
 mod predictor;
 mod shipped;
@@ -17,6 +18,7 @@ mod viewed;
 pub use descriptor::{MaskDescriptor, person_in};
 pub use dynamics::{DynamicsError, LatentDynamics};
 pub use file::LoadPredictorError;
+pub use latent::{LatentPoses, LoadLatentError};
 pub use pose_space::PoseSpace;
 pub use predictor::{NotTrainedFor, PoseDensity, PoseMode, PosePredictor, Training};
 pub use shipped::Activity;

@@ -2,7 +2,7 @@
 
 use body::pose_prior::PosePrior;
 
-use super::PosePredictor;
+use super::{LatentPoses, PosePredictor};
 use crate::config::TrackConfig;
 
 /// What somebody is expected to do.
@@ -76,6 +76,26 @@ impl Activity {
         PosePrior::from_bytes(bytes).expect("the bundled prior is whole")
     }
 
+    /// Number of coordinates of its [latent poses](Self::latent): five for an activity, as in `[Kanaujia2014]`, more for all of
+    /// them together.
+    pub fn n_latent(self) -> usize {
+        if self == Self::Any { 8 } else { 5 }
+    }
+
+    /// Few coordinates for the poses of people who do it, and how they go on.
+    ///
+    /// # Panics
+    /// Never: a test loads all of them.
+    pub fn latent(self) -> LatentPoses {
+        let bytes: &[u8] = match self {
+            Self::Walk => include_bytes!("../../assets/latent-walk.bin"),
+            Self::Jog => include_bytes!("../../assets/latent-jog.bin"),
+            Self::Box => include_bytes!("../../assets/latent-box.bin"),
+            Self::Any => include_bytes!("../../assets/latent-any.bin"),
+        };
+        LatentPoses::from_bytes(bytes).expect("the bundled latent poses are whole")
+    }
+
     /// What a mask of somebody who does it says of the pose: the predictor that the program ships, learned from rendered
     /// masks.
     ///
@@ -105,7 +125,10 @@ mod tests {
             for _ in 0..3 {
                 let start = Instant::now();
                 let (prior, predictor) = (activity.prior(), activity.predictor());
+                let latent = activity.latent();
                 least = least.min(start.elapsed());
+                assert_eq!(latent.dim(), activity.n_latent());
+                assert!(latent.notice().contains("mocap.cs.cmu.edu"));
                 let training = predictor.training();
                 assert_eq!(training.activity, activity.name());
                 assert!(training.notice.contains("mocap.cs.cmu.edu"));
@@ -115,6 +138,14 @@ mod tests {
             // 200 ms are promised on a quiet machine; tests share theirs.
             assert!(least < Duration::from_millis(600), "{}: {least:?}", activity.name());
         }
+    }
+
+    #[test]
+    fn the_shipped_models_are_under_ten_megabytes() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
+        let sizes = std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().metadata().unwrap().len());
+        let total: u64 = sizes.sum();
+        assert!(total < 10_000_000, "{total} bytes");
     }
 
     #[test]

@@ -1,9 +1,9 @@
 //! The tracker: glue of body, silhouettes, scorer and filter.
 //!
 //! # Map
-//! [`clip`] masks of a clip · [`camera_choice`] its camera · [`state`] what is estimated · [`pose_model`] what poses are likely ·
+//! [`clip`] masks of a clip · [`camera_choice`] its camera · [`state`] what is estimated · [`pose_model`], `latent_joints` what poses are likely ·
 //! [`overlap`], [`likelihood`] how well a state explains a mask · [`moves`], [`limb`] how particles move · [`start`] where they
-//! begin · [`cue`] what the mask alone says · [`travel`] which way they go · [`proposal`] where a frame's particles come from · [`refine`]
+//! begin · [`cue`] what the mask alone says · [`travel`] which way they go · [`motion`], [`proposal`] where a frame's particles come from · [`refine`]
 //! the last steps to the best pose · [`tracker`] frame after frame · [`modes`] several readings side by side · [`learning`] what the predictor makes of
 //! it · [`smooth`] what later frames say of it · `doubt` when to try another start ·
 //! [`follower`] losses and new starts · [`pipeline`] from the input to the run folder
@@ -13,10 +13,12 @@ pub mod clip;
 pub mod cue;
 mod doubt;
 pub mod follower;
+mod latent_joints;
 pub mod learning;
 pub mod likelihood;
 pub mod limb;
 pub mod modes;
+pub mod motion;
 pub mod moves;
 pub mod overlap;
 pub mod pipeline;

@@ -149,7 +149,7 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
     let mut follower = Follower::new(Scene {
         body: body.clone(),
         camera: known.camera,
-        model: pose_model(&prior, &params),
+        model: pose_model(&prior, || Ok(job.activity.latent()), &params)?,
         refiner: Some(Arc::new(Refiner::new(&body, FreeJoints::new(&prior, params.widening())))),
         predictor,
         transitions: None,
@@ -241,7 +241,7 @@ fn predictor_for(
     camera: &Camera,
     assumptions: &mut Vec<String>,
 ) -> anyhow::Result<Option<Arc<PosePredictor>>> {
-    if !matches!(job.config.method, Method::Jpf | Method::Jlm) {
+    if !job.config.method.asks_predictor() {
         return Ok(None);
     }
     let height_m = camera.centre_world().z;

@@ -1,5 +1,5 @@
-//! Coordinates of a pose and what is known of them before a mask is seen: free joint angles, or their principal
-//! components.
+//! Coordinates of a pose and what is known of them before a mask is seen: free joint angles, their principal components, or
+//! the [latent poses](super::latent_joints) of an activity.
 
 use std::sync::Arc;
 
@@ -7,13 +7,19 @@ use body::pose_prior::PosePrior;
 use body::{JointId, N_DOF, Skeleton};
 use nalgebra::{DMatrix, DVector};
 
+use super::latent_joints::LatentJoints;
 use super::state::RIGID_DIM;
 use crate::config::{Motion, TrackParams};
+use crate::predict::LatentPoses;
+
+/// Rate for which pose models give their steps.
+pub const STEP_RATE_HZ: f64 = 60.0;
 
 /// Coordinates of a pose: the joint angles themselves, or fewer numbers from which they follow.
 ///
 /// # Laws
-/// - `latent_from_angles` undoes `angles_from_latent` for clamped coordinates, up to the joint limits.
+/// - `latent_from_angles` undoes `angles_from_latent` for clamped coordinates, up to the joint limits; of latent poses, it gives
+///   coordinates of nearly the same angles.
 /// - `clamp` twice is `clamp` once.
 /// - `angles_from_latent` gives angles within the joint limits.
 pub trait PoseModel: Send + Sync {
@@ -35,14 +41,27 @@ pub trait PoseModel: Send + Sync {
     fn parts(&self) -> &[Vec<usize>];
     /// The joint angles, `[n_dof]`, radians, of an upright person seen for the first time.
     fn mean_angles(&self) -> &[f64];
+    /// How coordinates are expected to change within a sixtieth of a second, `[dim]`, and with what standard deviation; `false`
+    /// where nothing but [`step_sd`](Self::step_sd) is known.
+    fn expected_step(&self, _latent: &[f64], _step: &mut [f64], _sd: &mut [f64]) -> bool {
+        false
+    }
 }
 
-/// The pose model that the settings ask for, over the poses of `prior`.
-pub fn pose_model(prior: &PosePrior, params: &TrackParams) -> Arc<dyn PoseModel> {
-    match params.motion {
+/// The pose model that the settings ask for, over the poses of `prior`, or over those of `latent` where it is asked for.
+///
+/// # Errors
+/// When `latent` gives none.
+pub fn pose_model(
+    prior: &PosePrior,
+    latent: impl FnOnce() -> anyhow::Result<LatentPoses>,
+    params: &TrackParams,
+) -> anyhow::Result<Arc<dyn PoseModel>> {
+    Ok(match params.motion {
         Motion::Any => Arc::new(FreeJoints::new(prior, params.widening())),
         Motion::Captured => Arc::new(JointComponents::new(prior, params.components as usize)),
-    }
+        Motion::Latent => Arc::new(LatentJoints::new(latent()?, prior)),
+    })
 }
 
 /// Every joint angle is a coordinate of its own, within hard limits and under one Gaussian. For motions that no
@@ -211,12 +230,14 @@ impl JointComponents {
         let steps = prior.step_covariance().view((RIGID_DIM, RIGID_DIM), (N_DOF, N_DOF));
         let latent_steps = &inverse * steps * inverse.transpose();
         let step_sd = latent_steps.diagonal().iter().map(|variance| variance.sqrt()).collect();
-        let per_sixtieth = prior.frame_rate_hz() / 60.0;
-        let rigid_step_sd = std::array::from_fn(|i| {
-            per_sixtieth * prior.step_covariance()[(i, i)].sqrt().max(LEAST_RIGID_STEP_SD)
-        });
-        Self { mean, basis, inverse, step_sd, rigid_step_sd }
+        Self { mean, basis, inverse, step_sd, rigid_step_sd: captured_rigid_step_sd(prior) }
     }
+}
+
+/// [`PoseModel::rigid_step_sd`] of those whose poses are known from `prior`.
+pub(super) fn captured_rigid_step_sd(prior: &PosePrior) -> [f64; RIGID_DIM] {
+    let per_step = prior.frame_rate_hz() / STEP_RATE_HZ;
+    std::array::from_fn(|i| per_step * prior.step_covariance()[(i, i)].sqrt().max(LEAST_RIGID_STEP_SD))
 }
 
 /// Coordinates of [`JointComponents`] reach so far: what lies beyond is not a captured motion.
@@ -270,7 +291,8 @@ impl PoseModel for JointComponents {
     }
 }
 
-fn clamp_angles(angles: &mut [f64]) {
+/// Brings each angle inside its limits.
+pub(super) fn clamp_angles(angles: &mut [f64]) {
     for (angle, dof) in angles.iter_mut().zip(Skeleton::human().dofs()) {
         *angle = dof.clamp(*angle);
     }

@@ -4,21 +4,22 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use pf_core::proposal::MixtureProposal;
-use pf_core::{ParticleRng, Proposal, Proposed, RandomWalk};
+use pf_core::{ParticleRng, Proposal, Proposed};
 
 use super::cue::BottomUp;
 use super::likelihood::Observation;
+use super::motion::BodyMotion;
 use super::state::{BodySpace, BodyState};
 use crate::predict::{TransitionPredictor, ViewedPose};
 
 /// p(x_n | x_{n-1}), or its mixture with what the mask itself suggests.
 pub enum BodyProposal {
     /// The motion prior alone: the annealed particle filter, and the joint likelihood model.
-    Motion(RandomWalk<Observation>),
+    Motion(BodyMotion),
     /// p(x_n | x_{n-1}, r_n): the observation-driven particle filter.
     Transition(Transition),
     /// (1 − γ) p(x_n | x_{n-1}) + γ p_B(x_n | r_n): the joint particle filter.
-    Joint(MixtureProposal<RandomWalk<Observation>, BottomUp>),
+    Joint(MixtureProposal<BodyMotion, BottomUp>),
 }
 
 impl Proposal<BodySpace> for BodyProposal {
@@ -95,7 +96,7 @@ pub struct Transition {
     predictor: Arc<TransitionPredictor>,
     camera_centre: DVec3,
     place_sd: DVec3,
-    walk: RandomWalk<Observation>,
+    walk: BodyMotion,
 }
 
 impl Transition {
@@ -104,7 +105,7 @@ impl Transition {
         predictor: Arc<TransitionPredictor>,
         camera_centre: DVec3,
         step_sd: &[f64],
-        walk: RandomWalk<Observation>,
+        walk: BodyMotion,
     ) -> Self {
         Self { predictor, camera_centre, place_sd: DVec3::from_slice(step_sd), walk }
     }

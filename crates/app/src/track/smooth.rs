@@ -209,7 +209,9 @@ mod tests {
 
     fn smoother(lag: usize) -> Smoother {
         let params = TrackParams::new(TrackConfig::default()).expect("defaults are sound");
-        let space = BodySpace::new(pose_model(&PosePrior::builtin(), &params));
+        let space = BodySpace::new(
+            pose_model(&PosePrior::builtin(), || unreachable!("free joints"), &params).expect("free joints"),
+        );
         let step = Gaussian::diagonal(vec![0.03; space.dim()]).expect("deviations above 0");
         Smoother::new(space, Arc::new(BodyModel::builtin().mean()), step, lag)
     }

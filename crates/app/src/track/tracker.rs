@@ -12,7 +12,7 @@ use pf_core::schedule::{DiffusionConfig, Geometric, GeometricConfig};
 use pf_core::scratch::with_buffer;
 use pf_core::{
     Filter, FilterConfig, FilterParams, FilterState, Gaussian, LayerView, Likelihood as _, Observer,
-    RandomWalk, StateSpace as _, Step,
+    StateSpace as _, Step,
 };
 use rayon::prelude::*;
 use render_gpu::ScoreError;
@@ -20,9 +20,10 @@ use silhouette::Mask;
 
 use super::cue::{BottomUp, Cue};
 use super::likelihood::{CueTerm, Observation, SilhouetteLikelihood};
+use super::motion::BodyMotion;
 use super::moves::BodyMoves;
 use super::overlap::BodyOverlap;
-use super::pose_model::PoseModel;
+use super::pose_model::{PoseModel, STEP_RATE_HZ};
 use super::proposal::{BodyProposal, Transition};
 use super::refine::Refiner;
 use super::start::place_upright;
@@ -31,9 +32,7 @@ use crate::config::{Method, TrackParams};
 use crate::predict::{PosePredictor, TransitionPredictor};
 use crate::run_folder::{FrameRecord, Status};
 
-/// Rate for which pose models give their steps, and
-const STEP_RATE_HZ: f64 = 60.0;
-/// the rates of clips between which steps follow the rate.
+/// Rates of clips between which steps follow the rate.
 const STEP_RATES_HZ: std::ops::RangeInclusive<f64> = 10.0..=120.0;
 /// Share of the mask's extent by which a start may be off; the spread of its first particles. Position (metres) and
 /// rotation (radians) in the pelvis frame.
@@ -245,9 +244,14 @@ fn keep_best(rivals: &mut Vec<Rival>, count: usize) {
 /// Standard deviations of the motion from one frame to the next, times `factor`, `[dim]`.
 pub(super) fn step_sd(scene: &Scene, factor: f64) -> Vec<f64> {
     // Over short times people move evenly: twice the time, twice the way.
-    let frame_scale = factor * STEP_RATE_HZ / scene.fps.clamp(*STEP_RATES_HZ.start(), *STEP_RATES_HZ.end());
+    let factor = factor * frame_scale(scene);
     let rigid = scene.model.rigid_step_sd();
-    rigid.iter().chain(scene.model.step_sd()).map(|sd| frame_scale * sd).collect()
+    rigid.iter().chain(scene.model.step_sd()).map(|sd| factor * sd).collect()
+}
+
+/// Length of a frame over that for which pose models give their steps.
+fn frame_scale(scene: &Scene) -> f64 {
+    STEP_RATE_HZ / scene.fps.clamp(*STEP_RATES_HZ.start(), *STEP_RATES_HZ.end())
 }
 
 /// Where a start tries to begin: about a heading that is given; else all around, the way the person goes, and where the mask
@@ -307,16 +311,16 @@ impl Tracker {
             params.travel_weight,
             cue_term,
         );
-        let walk = RandomWalk::new(noise.clone());
+        let motion = BodyMotion::new(step_sd.clone(), frame_scale(&scene), params.diffusion)?;
         let proposal = match (params.method, &scene.transitions) {
             (Method::Opf, Some(transitions)) => BodyProposal::Transition(Transition::new(
                 transitions.clone(),
                 scene.camera.centre_world(),
                 &step_sd,
-                walk,
+                motion,
             )),
             (Method::Jpf, _) if scene.predictor.is_some() => BodyProposal::Joint(MixtureProposal::new(
-                walk,
+                motion,
                 BottomUp::new(&step_sd, noise),
                 MixtureConfig {
                     initial_cue_share: params.cue_share,
@@ -325,7 +329,7 @@ impl Tracker {
                     weighting: params.weighting.into(),
                 },
             )?),
-            _ => BodyProposal::Motion(walk),
+            _ => BodyProposal::Motion(motion),
         };
         let filter = Filter::annealed(space, proposal, schedule, moves, filter_params);
         Ok(Self {

@@ -24,6 +24,16 @@ pub enum DescriptorKind {
     Histogram,
 }
 
+impl DescriptorKind {
+    /// That of `descriptor`.
+    pub fn of(descriptor: &MaskDescriptor) -> Self {
+        match descriptor {
+            MaskDescriptor::Crop(_) => Self::Crop,
+            MaskDescriptor::Histogram(_) => Self::Histogram,
+        }
+    }
+}
+
 /// How to train a predictor.
 #[derive(Clone, Debug)]
 pub struct TrainConfig {

@@ -18,7 +18,7 @@ use silhouette::Mask;
 use super::noise::segmentation_noise;
 use super::render::render;
 use super::{Examples, TrainConfig, TrainingFrames, fit_predictor};
-use crate::predict::{Activity, PosePredictor, Training, ViewedPose};
+use crate::predict::{Activity, LatentPoses, PosePredictor, Training, ViewedPose};
 use crate::stage::Sequence;
 use crate::synth::performer_of;
 
@@ -59,8 +59,16 @@ impl Recordings {
     /// # Errors
     /// When a clip cannot be read.
     pub fn read(folder: &Path) -> anyhow::Result<Self> {
+        Self::read_split(folder, "train")
+    }
+
+    /// The clips of one split, `train` or `validate`.
+    ///
+    /// # Errors
+    /// When a clip cannot be read.
+    pub fn read_split(folder: &Path, split: &str) -> anyhow::Result<Self> {
         let rest = *BodyModel::builtin().mean().rest_joints();
-        let clips = retargeted_clips(folder, "train", &rest, &RetargetConfig::default())?;
+        let clips = retargeted_clips(folder, split, &rest, &RetargetConfig::default())?;
         let recording = |clip: RetargetedClip| Recording {
             performers: vec![performer_of(&clip.motion.name).to_owned()],
             action: clip.action,
@@ -107,6 +115,11 @@ impl Recordings {
         self.of(activity).next().is_some()
     }
 
+    /// The motions of those who do it.
+    pub fn motions(&self, activity: Activity) -> impl Iterator<Item = &Motion> {
+        self.of(activity).map(|clip| &clip.motion)
+    }
+
     fn of(&self, activity: Activity) -> impl Iterator<Item = &Recording> {
         self.clips.iter().filter(move |clip| activity.includes(&clip.action))
     }
@@ -116,9 +129,19 @@ impl Recordings {
     /// # Errors
     /// When too few poses show the activity.
     pub fn prior(&self, activity: Activity) -> anyhow::Result<PosePrior> {
-        let motions: Vec<Motion> = self.of(activity).map(|clip| clip.motion.clone()).collect();
+        let motions: Vec<Motion> = self.motions(activity).cloned().collect();
         PosePrior::learn(&motions, &self.notice(), &PosePriorConfig::default())
             .with_context(|| format!("cannot learn the poses of `{}`", activity.name()))
+    }
+
+    /// Few coordinates for the poses of those who do it, and how they go on.
+    ///
+    /// # Errors
+    /// When too few poses show the activity.
+    pub fn latent(&self, activity: Activity) -> anyhow::Result<LatentPoses> {
+        let motions: Vec<Motion> = self.motions(activity).cloned().collect();
+        LatentPoses::fit(&motions, activity.n_latent(), true, &self.notice())
+            .with_context(|| format!("cannot learn the latent poses of `{}`", activity.name()))
     }
 
     /// What a mask says of the pose of somebody who does it.

@@ -31,16 +31,16 @@ use self::score::moving_dofs;
 pub use self::table::table;
 pub use self::updates::UpdatesRow;
 use super::write_json;
-use crate::config::{ExecConfig, Method, TrackConfig, TrackParams};
-use crate::predict::{Activity, PosePredictor, TransitionPredictor};
+use crate::config::{ExecConfig, Method, Motion, TrackConfig, TrackParams};
+use crate::predict::{Activity, LatentPoses, PosePredictor, TransitionPredictor};
 use crate::progress::Progress;
 use crate::shape::{ShapeConfig, Told, light_tracking, shape_from_masks};
 use crate::stage::{FittedSequence, Sequence, fit_sequence, personal_joints};
 use crate::track::pose_model::{FreeJoints, PoseModel, pose_model};
 use crate::track::refine::Refiner;
 use crate::train::{
-    Recordings, STATURE_SD_M, TrainConfig, TrainingFrames, first_markers, notice_of, sequence_masks,
-    train_on_sequence, train_transitions,
+    DescriptorKind, Recordings, STATURE_SD_M, TrainConfig, TrainingFrames, first_markers, notice_of,
+    sequence_masks, train_on_sequence, train_transitions,
 };
 
 /// The camera of most rows.
@@ -76,6 +76,8 @@ pub struct StageEval {
     pub methods: Vec<Method>,
     /// What is learned from.
     pub train: TrainOn,
+    /// What describes a mask to predictors that are trained.
+    pub descriptor: DescriptorKind,
     /// Whether to test on the last of the training frames and train on those before them: for tuning.
     pub validate: bool,
     /// The folder of recorded motion, for [`TrainOn::Others`].
@@ -277,31 +279,50 @@ struct Prepared {
     refiner: Arc<Refiner>,
 }
 
+/// What the trackers of a sequence are made of.
+struct Learned {
+    body: Body,
+    prior: PosePrior,
+    /// Where the settings ask for it.
+    latent: Option<LatentPoses>,
+    predictor: PosePredictor,
+    transitions: Option<Arc<TransitionPredictor>>,
+}
+
 impl Prepared {
     fn new(sequence: Sequence, recordings: Option<&Recordings>, eval: &StageEval) -> anyhow::Result<Self> {
         let test = sequence.test.start
             ..sequence.test.start + eval.frames.unwrap_or(usize::MAX).min(sequence.test.len());
-        let config = TrainConfig::default();
-        let (body, prior, predictor, transitions): (Body, _, _, _) = match (eval.train, recordings) {
+        let params = TrackParams::new(eval.config.clone())?;
+        let needs_latent = params.motion == Motion::Latent;
+        let Learned { body, prior, latent, predictor, transitions } = match (eval.train, recordings) {
             (TrainOn::Sequence, _) => {
+                let config = TrainConfig { descriptor: eval.descriptor, ..TrainConfig::default() };
                 let frames = TrainingFrames::read(&sequence, MAIN_CAMERA, "observed")?;
                 let predictor = predictor_of(&frames, &config, eval)?;
                 let prior_config = PosePriorConfig { mirror: false, ..PosePriorConfig::default() };
-                let prior = PosePrior::learn(std::slice::from_ref(&frames.motion.motion), "", &prior_config)
-                    .with_context(|| {
-                        format!("{}: cannot learn from the training frames", sequence.folder.display())
-                    })?;
+                let motions = std::slice::from_ref(&frames.motion.motion);
+                let cannot_learn =
+                    || format!("{}: cannot learn from the training frames", sequence.folder.display());
+                let prior = PosePrior::learn(motions, "", &prior_config).with_context(cannot_learn)?;
+                let fit_latent = || LatentPoses::fit(motions, params.components as usize, false, "");
+                let latent = needs_latent.then(fit_latent).transpose().with_context(cannot_learn)?;
                 let transitions = match eval.methods.contains(&Method::Opf) {
                     true => Some(Arc::new(train_transitions(&frames, &predictor, &config)?)),
                     false => None,
                 };
                 let body = BodyModel::builtin().shape(&frames.shape);
-                (body, prior, Some(Arc::new(predictor)), transitions)
+                Learned { body, prior, latent, predictor, transitions }
             }
             (_, None) => {
                 let activity = Activity::called(&sequence.activity);
-                let predictor = Some(Arc::new(activity.predictor()));
-                (body_from_masks(&sequence, &test)?, activity.prior(), predictor, None)
+                Learned {
+                    body: body_from_masks(&sequence, &test)?,
+                    prior: activity.prior(),
+                    latent: needs_latent.then(|| activity.latent()),
+                    predictor: activity.predictor(),
+                    transitions: None,
+                }
             }
             (_, Some(recordings)) => {
                 let others = recordings.without(&sequence.performers);
@@ -309,13 +330,17 @@ impl Prepared {
                     activity if others.show(activity) => activity,
                     _ => Activity::Any,
                 };
-                let predictor = predictor_of_others(&sequence, &others, activity, eval)?;
-                let body = body_from_masks(&sequence, &test)?;
-                (body, others.prior(activity)?, Some(Arc::new(predictor)), None)
+                Learned {
+                    body: body_from_masks(&sequence, &test)?,
+                    prior: others.prior(activity)?,
+                    latent: needs_latent.then(|| others.latent(activity)).transpose()?,
+                    predictor: predictor_of_others(&sequence, &others, activity, eval)?,
+                    transitions: None,
+                }
             }
         };
-        let params = TrackParams::new(eval.config.clone())?;
-        let model = pose_model(&prior, &params);
+        let model =
+            pose_model(&prior, || latent.context("latent poses were not learned, expected some"), &params)?;
         let refiner = Arc::new(Refiner::new(&body, FreeJoints::new(&prior, params.widening())));
         let rest = personal_joints(body.rest_joints(), &first_markers(&sequence, &test)?);
         let truth = fit_sequence(&sequence, test, rest, false);
@@ -325,7 +350,7 @@ impl Prepared {
             truth,
             moving_dofs,
             model,
-            predictor,
+            predictor: Some(Arc::new(predictor)),
             transitions,
             refiner,
             sequence,
@@ -358,7 +383,7 @@ fn predictor_of(
     let Some(folder) = &eval.models else { return train_on_sequence(frames, config) };
     let path = folder.join(frames.sequence.model_file_name());
     if path.is_file() {
-        return kept_predictor(&path, &notice_of(frames));
+        return kept_predictor(&path, &notice_of(frames), eval.descriptor);
     }
     let predictor = train_on_sequence(frames, config)?;
     predictor.write(&path)?;
@@ -382,12 +407,12 @@ fn predictor_of_others(
     activity: Activity,
     eval: &StageEval,
 ) -> anyhow::Result<PosePredictor> {
-    let config = TrainConfig::default().for_people_at_large();
+    let config = TrainConfig { descriptor: eval.descriptor, ..TrainConfig::default() }.for_people_at_large();
     let Some(folder) = &eval.models else { return others.predictor(activity, &config) };
     let without = sequence.performers.join("-");
     let path = folder.join(format!("predict-{}-without-{without}.bin", activity.name()));
     if path.is_file() {
-        return kept_predictor(&path, &others.notice());
+        return kept_predictor(&path, &others.notice(), eval.descriptor);
     }
     let predictor = others.predictor(activity, &config)?;
     predictor.write(&path)?;
@@ -396,8 +421,14 @@ fn predictor_of_others(
 
 /// The predictor in a file, which must have learned from the frames that `expected` names: those of another run may be this
 /// run's test frames.
-fn kept_predictor(path: &Path, expected: &str) -> anyhow::Result<PosePredictor> {
+fn kept_predictor(path: &Path, expected: &str, descriptor: DescriptorKind) -> anyhow::Result<PosePredictor> {
     let predictor = PosePredictor::read(path)?;
+    let kind = DescriptorKind::of(predictor.descriptor());
+    ensure!(
+        kind == descriptor,
+        "{}: `descriptor` is {kind:?}, expected {descriptor:?}: remove the file or name another folder",
+        path.display()
+    );
     let found = &predictor.training().notice;
     ensure!(
         found == expected,
@@ -418,8 +449,10 @@ mod tests {
         let shipped = Activity::Any.predictor();
         shipped.write_small(&path).unwrap();
         let own = &shipped.training().notice;
-        assert!(kept_predictor(&path, own).is_ok());
-        let error = kept_predictor(&path, "frames 200 to 523 of S3 Jog").unwrap_err().to_string();
+        assert!(kept_predictor(&path, own, DescriptorKind::Crop).is_ok());
+        let error = kept_predictor(&path, "frames 200 to 523 of S3 Jog", DescriptorKind::Crop)
+            .unwrap_err()
+            .to_string();
         assert!(error.contains("S3-Jog_1.bin: `training.notice` is \""), "{error}");
         assert!(
             error.contains(own.as_str()) && error.contains("expected \"frames 200 to 523 of S3 Jog\""),

@@ -8,6 +8,7 @@ use clap::ValueEnum as _;
 
 use super::table::{recovery_table, rows_table, updates_table};
 use super::{StageEval, StageReport};
+use crate::config::Motion;
 
 /// A Markdown file with tables of results.
 #[derive(Clone, Debug)]
@@ -25,10 +26,11 @@ fn markers(table: &str) -> [String; 2] {
     [format!("<!-- table: {table} -->"), format!("<!-- end of table: {table} -->")]
 }
 
-/// Name of the table of one kind of results, as `stage sequence observed`.
+/// Name of the table of one kind of results, as `stage sequence observed`, or `stage sequence latent observed` of latent poses.
 fn table_name(eval: &StageEval, what: &str) -> String {
     let train = eval.train.to_possible_value();
-    format!("stage {} {what}", train.as_ref().map_or("", |train| train.get_name()))
+    let poses = if eval.config.motion == Motion::Latent { " latent" } else { "" };
+    format!("stage {}{poses} {what}", train.as_ref().map_or("", |train| train.get_name()))
 }
 
 /// The tables that an evaluation puts into the file: the kinds of masks, and the studies that were asked for.

@@ -145,7 +145,7 @@ impl Prepared {
             body: self.body.clone(),
             camera: self.sequence.camera(camera)?,
             model: self.model.clone(),
-            predictor: self.predictor.clone(),
+            predictor: self.predictor.clone().filter(|_| config.method.asks_predictor()),
             transitions: self.transitions.clone(),
             refiner: Some(self.refiner.clone()),
             fps: self.sequence.fps,
