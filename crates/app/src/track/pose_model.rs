@@ -1,5 +1,5 @@
 //! Coordinates of a pose and what is known of them before a mask is seen: free joint angles, their principal components, or
-//! the [latent poses](super::latent_joints) of an activity.
+//! the latent poses of an activity.
 
 use std::sync::Arc;
 
