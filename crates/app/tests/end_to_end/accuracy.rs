@@ -88,6 +88,15 @@ fn the_synthetic_walk_stays_within_bounds() {
     assert!(without_mm < 220.0, "{without_mm} mm");
 }
 
+/// Five latent coordinates with learned dynamics, no local optimisation. The shipped models know how this person walks.
+#[test]
+fn the_preset_of_the_paper_follows_the_synthetic_walk() {
+    let paper = ["--preset", "paper", "--activity", "walk", "--initial-heading-deg", STAGE_HEADING_DEG];
+    let error_mm = track_stage_walk(&paper);
+    println!("synthetic walk, preset of the paper: {error_mm:.1} mm");
+    assert!(error_mm < 100.0, "{error_mm} mm");
+}
+
 /// Mean error of the joints after the midpoints of the hips are put on each other, millimetres.
 fn track_stage_walk(options: &[&str]) -> f64 {
     let folder = tempfile::tempdir().expect("a folder for a test");
