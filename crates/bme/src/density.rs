@@ -51,10 +51,24 @@ impl MixtureDensity {
         log_sum_exp(&self.log_joint(y))
     }
 
+    /// The same without allocating: `room` is as long as there are components.
+    ///
+    /// # Panics
+    /// When a length is wrong.
+    pub fn log_density_in(&self, y: &[f64], room: &mut [f64]) -> f64 {
+        assert_eq!(room.len(), self.components.len(), "room for {} components", room.len());
+        room.iter_mut().zip(self.log_joints(y)).for_each(|(log, joint)| *log = joint);
+        log_sum_exp(room)
+    }
+
     /// ln of weight times density, of each component.
     pub(crate) fn log_joint(&self, y: &[f64]) -> Vec<f64> {
+        self.log_joints(y).collect()
+    }
+
+    fn log_joints(&self, y: &[f64]) -> impl Iterator<Item = f64> {
         let parts = self.log_weights.iter().zip(&self.components);
-        parts.map(|(weight, component)| weight + component.log_density(y)).collect()
+        parts.map(move |(weight, component)| weight + component.log_density(y))
     }
 
     /// A random point.

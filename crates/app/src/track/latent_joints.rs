@@ -56,13 +56,7 @@ impl PoseModel for LatentJoints {
     /// ln p of the mixture of normal distributions over the latent points.
     fn log_prior(&self, latent: &[f64]) -> f64 {
         let prior = self.latent.prior();
-        with_buffer(prior.components.len(), |logs| {
-            for ((log, weight), component) in logs.iter_mut().zip(&prior.log_weights).zip(&prior.components) {
-                *log = weight + component.log_density(latent);
-            }
-            let largest = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            largest + logs.iter().map(|log| (log - largest).exp()).sum::<f64>().ln()
-        })
+        with_buffer(prior.components.len(), |room| prior.log_density_in(latent, room))
     }
 
     fn step_sd(&self) -> &[f64] {
@@ -71,10 +65,6 @@ impl PoseModel for LatentJoints {
 
     fn rigid_step_sd(&self) -> [f64; RIGID_DIM] {
         self.rigid_step_sd
-    }
-
-    fn parts(&self) -> &[Vec<usize>] {
-        &[]
     }
 
     fn mean_angles(&self) -> &[f64] {

@@ -38,7 +38,9 @@ pub trait PoseModel: Send + Sync {
     /// Standard deviation of the pelvis's change in that time: position (metres) and rotation (radians), pelvis frame.
     fn rigid_step_sd(&self) -> [f64; RIGID_DIM];
     /// Coordinates that belong together: trunk and head, each arm, each leg. Empty where coordinates move the whole body.
-    fn parts(&self) -> &[Vec<usize>];
+    fn parts(&self) -> &[Vec<usize>] {
+        &[]
+    }
     /// The joint angles, `[n_dof]`, radians, of an upright person seen for the first time.
     fn mean_angles(&self) -> &[f64];
     /// How coordinates are expected to change within a sixtieth of a second, `[dim]`, and with what standard deviation; `false`
@@ -280,10 +282,6 @@ impl PoseModel for JointComponents {
 
     fn rigid_step_sd(&self) -> [f64; RIGID_DIM] {
         self.rigid_step_sd
-    }
-
-    fn parts(&self) -> &[Vec<usize>] {
-        &[]
     }
 
     fn mean_angles(&self) -> &[f64] {

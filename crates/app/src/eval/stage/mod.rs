@@ -102,6 +102,13 @@ pub struct StageEval {
     pub exec: ExecConfig,
 }
 
+impl StageEval {
+    /// How predictors are trained.
+    fn training(&self) -> TrainConfig {
+        TrainConfig { descriptor: self.descriptor, ..TrainConfig::default() }
+    }
+}
+
 /// What `eval.json` holds.
 #[derive(Clone, Debug, Serialize)]
 pub struct StageReport {
@@ -297,7 +304,7 @@ impl Prepared {
         let needs_latent = params.motion == Motion::Latent;
         let Learned { body, prior, latent, predictor, transitions } = match (eval.train, recordings) {
             (TrainOn::Sequence, _) => {
-                let config = TrainConfig { descriptor: eval.descriptor, ..TrainConfig::default() };
+                let config = eval.training();
                 let frames = TrainingFrames::read(&sequence, MAIN_CAMERA, "observed")?;
                 let predictor = predictor_of(&frames, &config, eval)?;
                 let prior_config = PosePriorConfig { mirror: false, ..PosePriorConfig::default() };
@@ -407,7 +414,7 @@ fn predictor_of_others(
     activity: Activity,
     eval: &StageEval,
 ) -> anyhow::Result<PosePredictor> {
-    let config = TrainConfig { descriptor: eval.descriptor, ..TrainConfig::default() }.for_people_at_large();
+    let config = eval.training().for_people_at_large();
     let Some(folder) = &eval.models else { return others.predictor(activity, &config) };
     let without = sequence.performers.join("-");
     let path = folder.join(format!("predict-{}-without-{without}.bin", activity.name()));

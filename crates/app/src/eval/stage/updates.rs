@@ -14,7 +14,7 @@ use crate::predict::{PosePredictor, ViewedPose, wrapped};
 use crate::run_folder::Learned;
 use crate::track::follower::Follower;
 use crate::track::tracker::Scene;
-use crate::train::{TrainConfig, TrainingFrames, train_on_frames};
+use crate::train::{TrainingFrames, train_on_frames};
 
 /// Particles of each frame that predictors learn from.
 const PARTICLES: [u32; 4] = [0, 1, 4, 10];
@@ -63,7 +63,7 @@ pub(super) fn study(prepared: &Prepared, eval: &StageEval) -> anyhow::Result<Vec
         let frames = TrainingFrames::read(&prepared.sequence, MAIN_CAMERA, "observed")?;
         let few: Vec<usize> = frames.range().take(FEW_FRAMES).collect();
         predictors.push((format!("{} frames", frames.range().len()), false, own.clone()));
-        let trained = train_on_frames(&frames, &few, &TrainConfig::default())?;
+        let trained = train_on_frames(&frames, &few, &eval.training())?;
         predictors.push((format!("{} frames", few.len()), true, Arc::new(trained)));
     } else {
         predictors.push(("other people".to_owned(), false, own.clone()));
