@@ -26,8 +26,8 @@ impl DistanceField {
     /// The field about the person, up to `margin_px` beyond their bounding box; `None` for an empty mask.
     pub fn of(mask: &Mask, margin_px: u32) -> Option<Self> {
         let rect = mask.bounding_box()?.grown(margin_px, mask.width(), mask.height());
-        let to_person = squared_distances(&rect, |x, y| mask.get(x, y));
-        let to_background = squared_distances(&rect, |x, y| !mask.get(x, y));
+        let to_person = squared_distances(mask, &rect, true);
+        let to_background = squared_distances(mask, &rect, false);
         let signed =
             |(out, inside): (&f32, &f32)| if *out > 0.0 { out.sqrt() - 0.5 } else { 0.5 - inside.sqrt() };
         let values = to_person.iter().zip(&to_background).map(signed).collect();
@@ -85,28 +85,33 @@ impl DistanceField {
     }
 }
 
-/// Squared distance from each pixel of `rect` to the nearest one that `is_goal`, between centres; 0 at goals.
-fn squared_distances(rect: &PixelRect, is_goal: impl Fn(u32, u32) -> bool) -> Vec<f32> {
-    let (width, height) = (rect.width() as usize, rect.height() as usize);
+/// Squared distance from each pixel of `rect`, which holds the whole person, to the nearest one of the person or of the
+/// background, between centres; 0 at those.
+fn squared_distances(mask: &Mask, rect: &PixelRect, to_person: bool) -> Vec<f32> {
     // Larger than any square in an image, small enough that sums stay exact.
     const FAR: f32 = 1e9;
-    let mut values = vec![FAR; width * height];
-    for (row, y) in (rect.y0..rect.y1).enumerate() {
-        for (column, x) in (rect.x0..rect.x1).enumerate() {
-            if is_goal(x, y) {
-                values[row * width + column] = 0.0;
-            }
+    let width = rect.width() as usize;
+    let (at_person, at_background) = if to_person { (0.0, f32::INFINITY) } else { (f32::INFINITY, 0.0) };
+    let mut values = vec![at_background; width * rect.height() as usize];
+    for (row, y) in values.chunks_exact_mut(width).zip(rect.y0..) {
+        for (x0, x1) in mask.runs(y) {
+            row[(x0 - rect.x0) as usize..(x1 - rect.x0) as usize].fill(at_person);
         }
     }
-    let mut envelope = Envelope::default();
-    let mut line = vec![0.0; width.max(height)];
-    for column in 0..width {
-        (0..height).for_each(|row| line[row] = values[row * width + column]);
-        envelope.transform(&line[..height], |row, value| values[row * width + column] = value);
+    // Along columns, all of them at once: the way to the nearest goal above, then to that below.
+    let rows: &mut Vec<&mut [f32]> = &mut values.chunks_exact_mut(width).collect();
+    for _ in 0..2 {
+        for y in 1..rows.len() {
+            let (before, row) = rows.split_at_mut(y);
+            row[0].iter_mut().zip(&*before[y - 1]).for_each(|(value, near)| *value = value.min(near + 1.0));
+        }
+        rows.reverse();
     }
-    for row in 0..height {
-        line[..width].copy_from_slice(&values[row * width..][..width]);
-        envelope.transform(&line[..width], |column, value| values[row * width + column] = value);
+    let mut envelope = Envelope::default();
+    let mut line = vec![0.0; width];
+    for row in rows {
+        line.iter_mut().zip(&**row).for_each(|(square, way)| *square = (way * way).min(FAR));
+        envelope.transform(&line, |column, value| row[column] = value);
     }
     values
 }

@@ -156,12 +156,15 @@ impl RgbPlanes {
             for row in frame.data.chunks_exact(frame_stride).skip(y * reduction).take(reduction) {
                 sums.iter_mut().zip(row).for_each(|(sum, &byte)| *sum += u16::from(byte));
             }
-            for x in 0..self.width {
-                let block = &sums[3 * x * reduction..3 * (x + 1) * reduction];
-                for (channel, plane) in self.planes.iter_mut().enumerate() {
-                    let sum: u32 = block.iter().skip(channel).step_by(3).map(|&sum| u32::from(sum)).sum();
-                    plane[y * self.width + x] = sum as f32 * share;
+            let [red, green, blue] =
+                self.planes.each_mut().map(|plane| &mut plane[y * self.width..][..self.width]);
+            let pixels: &[[u16; 3]] = sums.as_chunks().0;
+            for (x, block) in pixels.chunks_exact(reduction).enumerate() {
+                let mut sum = [0u32; 3];
+                for pixel in block {
+                    sum.iter_mut().zip(pixel).for_each(|(sum, &value)| *sum += u32::from(value));
                 }
+                [red[x], green[x], blue[x]] = sum.map(|sum| sum as f32 * share);
             }
         }
     }

@@ -30,6 +30,7 @@ impl Canvas {
         let mut canvas = Self::filled(width, height, [0; 3]);
         let columns: Vec<_> = (0..width).map(|x| source_range(x, width, picture.width)).collect();
         let mut sums = vec![0_u32; row_bytes];
+        let mut running = vec![[0_u32; 3]; picture.width as usize + 1];
         for (y, row) in canvas.frame.pixels.chunks_exact_mut(3 * width as usize).enumerate() {
             let rows = source_range(y as u32, height, picture.height);
             sums.fill(0);
@@ -37,17 +38,18 @@ impl Canvas {
                 let source = &picture.pixels[source * row_bytes..][..row_bytes];
                 sums.iter_mut().zip(source).for_each(|(sum, &value)| *sum += u32::from(value));
             }
-            let sums: &[[u32; 3]] = sums.as_chunks().0;
-            for (pixel, columns) in row.as_chunks_mut().0.iter_mut().zip(&columns) {
+            // The sum over any columns is a difference of two running sums.
+            let mut before = [0_u32; 3];
+            for (running, sum) in running[1..].iter_mut().zip(sums.as_chunks::<3>().0) {
+                before.iter_mut().zip(sum).for_each(|(before, sum)| *before += sum);
+                *running = before;
+            }
+            for (pixel, columns) in row.as_chunks_mut::<3>().0.iter_mut().zip(&columns) {
                 let share = 1.0 / (columns.len() * rows.len()) as f32;
-                let [mut red, mut green, mut blue] = [0; 3];
-                for sum in &sums[columns.clone()] {
-                    red += sum[0];
-                    green += sum[1];
-                    blue += sum[2];
-                }
-                let mean = |sum: u32| (sum as f32 * share + 0.5) as u8;
-                *pixel = [mean(red), mean(green), mean(blue)];
+                let (start, end) = (running[columns.start], running[columns.end]);
+                *pixel = std::array::from_fn(|channel| {
+                    ((end[channel] - start[channel]) as f32 * share + 0.5) as u8
+                });
             }
         }
         canvas

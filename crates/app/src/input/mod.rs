@@ -39,7 +39,11 @@ impl RgbFrame {
     pub fn resize(&mut self, width: u32, height: u32) {
         self.width = width;
         self.height = height;
-        self.pixels.resize(3 * width as usize * height as usize, 0);
+        let n_bytes = 3 * width as usize * height as usize;
+        if self.pixels.capacity() < n_bytes {
+            self.pixels = vec![0; n_bytes]; // pages that the system gives out are zero already
+        }
+        self.pixels.resize(n_bytes, 0);
     }
 }
 

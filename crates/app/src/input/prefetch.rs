@@ -1,79 +1,50 @@
-//! Decodes ahead on a thread of its own.
+//! Reads ahead on a thread of its own.
 
-use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::{self, JoinHandle};
 
-use super::{FrameSource, RgbFrame, SourceInfo};
-
-/// Reads another source ahead; frames and errors come in the same order as from the source itself.
-pub struct Prefetch {
-    info: SourceInfo,
+/// Takes items from a source ahead of their use; items and errors come in the order in which the source gave them.
+pub struct Prefetch<T> {
     /// `None` once the end or an error was given.
-    frames: Option<Receiver<anyhow::Result<RgbFrame>>>,
-    spares: Sender<RgbFrame>,
+    items: Option<Receiver<anyhow::Result<T>>>,
     worker: Option<JoinHandle<()>>,
 }
 
-impl Prefetch {
-    /// Starts reading `source`, at most `depth` frames ahead.
-    pub fn new(source: Box<dyn FrameSource>, depth: usize) -> Self {
-        let (to_reader, frames) = sync_channel(depth);
-        let (spares, from_reader) = channel();
-        let info = source.info().clone();
-        let worker = Some(thread::spawn(move || read_ahead(source, &to_reader, &from_reader)));
-        Self { info, frames: Some(frames), spares, worker }
+impl<T: Send + 'static> Prefetch<T> {
+    /// Starts to call `next`, which gives `None` at the end, and holds at most `depth` items and one that waits for its place.
+    pub fn new(depth: usize, next: impl FnMut() -> anyhow::Result<Option<T>> + Send + 'static) -> Self {
+        let (to_reader, items) = sync_channel(depth);
+        Self { items: Some(items), worker: Some(thread::spawn(move || read_ahead(next, &to_reader))) }
     }
 }
 
-fn read_ahead(
-    mut source: Box<dyn FrameSource>,
-    frames: &SyncSender<anyhow::Result<RgbFrame>>,
-    spares: &Receiver<RgbFrame>,
-) {
-    loop {
-        let mut frame = spares.try_recv().unwrap_or_default();
-        let (message, last) = match source.next_frame(&mut frame) {
-            Ok(true) => (Ok(frame), false),
-            Ok(false) => return,
-            Err(error) => (Err(error), true),
-        };
-        if frames.send(message).is_err() || last {
+impl<T> Iterator for Prefetch<T> {
+    type Item = anyhow::Result<T>;
+
+    /// The next item; `None` at the end, and after an error.
+    fn next(&mut self) -> Option<Self::Item> {
+        let item = self.items.as_ref().and_then(|items| items.recv().ok());
+        if !matches!(item, Some(Ok(_))) {
+            self.items = None;
+        }
+        item
+    }
+}
+
+fn read_ahead<T>(mut next: impl FnMut() -> anyhow::Result<Option<T>>, items: &SyncSender<anyhow::Result<T>>) {
+    while let Some(message) = next().transpose() {
+        let is_last = message.is_err();
+        if items.send(message).is_err() || is_last {
             return;
         }
     }
 }
 
-impl FrameSource for Prefetch {
-    fn info(&self) -> &SourceInfo {
-        &self.info
-    }
-
-    fn next_frame(&mut self, frame: &mut RgbFrame) -> anyhow::Result<bool> {
-        let message = self.frames.as_ref().and_then(|frames| frames.recv().ok());
-        match message {
-            Some(Ok(next)) => {
-                let used = std::mem::replace(frame, next);
-                // The reader may be done already; then the buffer is simply freed.
-                let _ = self.spares.send(used);
-                Ok(true)
-            }
-            Some(Err(error)) => {
-                self.frames = None;
-                Err(error)
-            }
-            None => {
-                self.frames = None;
-                Ok(false)
-            }
-        }
-    }
-}
-
-impl Drop for Prefetch {
+impl<T> Drop for Prefetch<T> {
     fn drop(&mut self) {
-        self.frames = None;
+        self.items = None;
         if let Some(worker) = self.worker.take() {
-            // A panic of the reader has been reported by its thread.
+            // A panic of the source has been reported by its thread.
             let _ = worker.join();
         }
     }

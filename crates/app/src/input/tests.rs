@@ -203,11 +203,21 @@ fn masks_of_zeros_and_ones_or_255s() {
 fn reading_ahead_changes_nothing() {
     let (_folder, path) = file_with(&CLIP[..CLIP.len() - 150]);
     let direct = read_all(&mut *open_frames(&path).unwrap());
-    let mut ahead = Prefetch::new(open_frames(&path).unwrap(), 2);
-    assert_eq!(read_all(&mut ahead), direct);
-    assert!(!ahead.next_frame(&mut RgbFrame::default()).unwrap(), "after an error there is an end");
+    let ahead = |depth| {
+        let mut source = open_frames(&path).unwrap();
+        Prefetch::new(depth, move || {
+            let mut frame = RgbFrame::default();
+            Ok(source.next_frame(&mut frame)?.then_some(frame))
+        })
+    };
+    let mut frames = ahead(2);
+    for frame in direct.0 {
+        assert_eq!(frames.next().unwrap().unwrap(), frame);
+    }
+    assert_eq!(error_text(frames.next().unwrap()), direct.1.unwrap());
+    assert!(frames.next().is_none(), "after an error there is an end");
     // Dropped with frames waiting, it must not hang.
-    drop(Prefetch::new(open_frames(&path).unwrap(), 1));
+    drop(ahead(1));
 }
 
 #[test]

@@ -22,7 +22,7 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, bail};
 use body::{Body, Camera};
-use image::codecs::jpeg::JpegEncoder;
+use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use silhouette::Mask;
 
 use crate::input::RgbFrame;
@@ -294,9 +294,12 @@ fn overlay_path(folder: &Path, frame: u64) -> PathBuf {
 
 fn encode_jpeg(picture: &RgbFrame) -> std::io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY)
-        .encode(&picture.pixels, picture.width, picture.height, image::ExtendedColorType::Rgb8)
-        .map_err(std::io::Error::other)?;
+    let mut encoder = Encoder::new(&mut bytes, JPEG_QUALITY);
+    // Thin lines keep their colours.
+    encoder.set_sampling_factor(SamplingFactor::R_4_4_4);
+    let side = |pixels: u32| u16::try_from(pixels).expect("overlays are small");
+    let (width, height) = (side(picture.width), side(picture.height));
+    encoder.encode(&picture.pixels, width, height, ColorType::Rgb).map_err(std::io::Error::other)?;
     Ok(bytes)
 }
 

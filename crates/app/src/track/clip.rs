@@ -6,10 +6,10 @@ use anyhow::{Context as _, bail};
 use silhouette::background::{MixtureConfig, MixtureModel, MixtureParams, StaticModel, TemporalMedian};
 use silhouette::{BackgroundModel, Geometry, Mask, RgbView, Segmenter, SegmenterConfig, SegmenterParams};
 
-use crate::input::{FrameSource, MaskFolder, Prefetch, RgbFrame, SourceInfo, open_frames, read_image};
+use crate::input::{MaskFolder, Prefetch, RgbFrame, SourceInfo, open_frames, read_image};
 
-/// Frames decoded ahead of the tracker.
-const FRAMES_AHEAD: usize = 4;
+/// Frames that each thread of a reader may be ahead of the next.
+const FRAMES_AHEAD: usize = 3;
 /// Frames, spread over the clip, from which a background is learned.
 const MEDIAN_FRAMES: u64 = 60;
 
@@ -43,16 +43,10 @@ pub struct ClipFrame {
     pub mask: Mask,
 }
 
-/// Reads a clip.
+/// Reads a clip. Decoding and segmenting run ahead of what asks for the frames, each on a thread of its own.
 pub struct ClipReader {
     info: SourceInfo,
-    next: u64,
-    source: Source,
-}
-
-enum Source {
-    Frames { frames: Prefetch, segmenter: Box<Segmenter> },
-    Masks(MaskFolder),
+    frames: Prefetch<ClipFrame>,
 }
 
 impl ClipReader {
@@ -61,14 +55,20 @@ impl ClipReader {
     /// # Errors
     /// When a file cannot be read, or the plate has another size than the frames.
     pub fn open(input: &ClipInput) -> anyhow::Result<Self> {
+        let mut indices = 0..;
         match input {
             ClipInput::Masks(folder) => {
-                let masks = MaskFolder::open(folder)?;
-                Ok(Self { info: masks.info().clone(), next: 0, source: Source::Masks(masks) })
+                let mut masks = MaskFolder::open(folder)?;
+                let info = masks.info().clone();
+                let frames = Prefetch::new(FRAMES_AHEAD, move || {
+                    let Some(mask) = masks.next_mask()? else { return Ok(None) };
+                    Ok(indices.next().map(|index| ClipFrame { index, picture: None, mask }))
+                });
+                Ok(Self { info, frames })
             }
             ClipInput::Frames(path, background) => {
-                let frames = open_frames(path)?;
-                let info = frames.info().clone();
+                let mut source = open_frames(path)?;
+                let info = source.info().clone();
                 let geometry = Geometry::for_frames(info.width, info.height);
                 let model: Box<dyn BackgroundModel> = match background {
                     Background::Plate(plate) => Box::new(read_plate(plate, geometry)?),
@@ -77,10 +77,18 @@ impl ClipReader {
                         Box::new(MixtureModel::new(MixtureParams::new(MixtureConfig::default())?, geometry))
                     }
                 };
-                let params = SegmenterParams::new(SegmenterConfig::default())?;
-                let segmenter = Box::new(Segmenter::new(params, model));
-                let frames = Prefetch::new(frames, FRAMES_AHEAD);
-                Ok(Self { info, next: 0, source: Source::Frames { frames, segmenter } })
+                let mut segmenter = Segmenter::new(SegmenterParams::new(SegmenterConfig::default())?, model);
+                let mut pictures = Prefetch::new(FRAMES_AHEAD, move || {
+                    let mut picture = RgbFrame::default();
+                    Ok(source.next_frame(&mut picture)?.then_some(picture))
+                });
+                let frames = Prefetch::new(FRAMES_AHEAD, move || {
+                    let Some(picture) = pictures.next().transpose()? else { return Ok(None) };
+                    let view = RgbView::new(picture.width, picture.height, &picture.pixels)?;
+                    let mask = segmenter.segment(&view)?.mask;
+                    Ok(indices.next().map(|index| ClipFrame { index, picture: Some(picture), mask }))
+                });
+                Ok(Self { info, frames })
             }
         }
     }
@@ -95,21 +103,7 @@ impl ClipReader {
     /// # Errors
     /// When the source cannot go on; the frames given before stay good.
     pub fn next_frame(&mut self) -> anyhow::Result<Option<ClipFrame>> {
-        let index = self.next;
-        let frame = match &mut self.source {
-            Source::Masks(masks) => masks.next_mask()?.map(|mask| ClipFrame { index, picture: None, mask }),
-            Source::Frames { frames, segmenter } => {
-                let mut picture = RgbFrame::default();
-                if !frames.next_frame(&mut picture)? {
-                    return Ok(None);
-                }
-                let view = RgbView::new(picture.width, picture.height, &picture.pixels)?;
-                let mask = segmenter.segment(&view)?.mask;
-                Some(ClipFrame { index, picture: Some(picture), mask })
-            }
-        };
-        self.next += 1;
-        Ok(frame)
+        self.frames.next().transpose()
     }
 }
 

@@ -175,19 +175,13 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
     while let Some(frame) = window.frames.front() {
         let index = frame.index;
         let masks: Vec<&Mask> = window.frames.iter().map(|frame| &frame.mask).collect();
-        // Three things at once: this frame's poses, the pictures of the last one, and the mask of one to come.
-        let (record, (written, read)) = rayon::join(
+        // Two things at once: this frame's poses, and the pictures of the last one.
+        let (record, written) = rayon::join(
             || follower.step(index, &masks),
-            || {
-                rayon::join(
-                    || unwritten.take().map_or(Ok(()), |last| last.write(&mut writer)),
-                    || window.reader.read(),
-                )
-            },
+            || unwritten.take().map_or(Ok(()), |last| last.write(&mut writer)),
         );
         written?;
         let record = record?;
-        window.keep(read);
         let frame = window.frames.pop_front().expect("it was worked on");
         window.fill();
         if follower.has_started() {
@@ -312,8 +306,7 @@ impl Window {
 
     fn fill(&mut self) {
         while self.frames.len() < START_MASKS && !self.reader.is_at_end {
-            let frame = self.reader.read();
-            self.keep(frame);
+            self.frames.extend(self.reader.read());
         }
     }
 
@@ -322,10 +315,6 @@ impl Window {
         self.reader.range.start = self.reader.range.start.max(first);
         self.frames.retain(|frame| frame.index >= first);
         self.fill();
-    }
-
-    fn keep(&mut self, frame: Option<ClipFrame>) {
-        self.frames.extend(frame);
     }
 }
 

@@ -35,9 +35,12 @@ impl Appearance {
         self.is_learned
     }
 
-    /// ln of how much likelier this colour is on the person than in the scene; 0 before a person has been seen.
-    pub fn log_ratio(&self, color: [f32; 3]) -> f32 {
-        self.log_ratio[cell(color)]
+    /// For each pixel, ln of how much likelier its colour is on the person than in the scene; 0 before a person has been seen.
+    pub fn log_ratios(&self, frame: &RgbPlanes, out: &mut [f32]) {
+        let [red, green, blue] = &frame.planes;
+        for (((out, &red), &green), &blue) in out.iter_mut().zip(red).zip(green).zip(blue) {
+            *out = self.log_ratio[cell([red, green, blue])];
+        }
     }
 
     /// Takes in the colours of `person` in `frame`, and those of the scene.

@@ -129,10 +129,11 @@ impl Evidence {
     /// Turns what was measured into scores: the better of the two explanations counts. A shadow costs the more, the
     /// more its colour is one of the person's.
     pub fn score(&mut self, frame: &RgbPlanes, appearance: &Appearance, config: &EvidenceConfig) {
-        let measured = self.distance.iter().zip(&self.shadow);
         let shadow_cost = config.shadow_cost * config.threshold_sd * config.threshold_sd;
-        for (pixel, (score, (&distance, &shadow))) in self.score.iter_mut().zip(measured).enumerate() {
-            let likeness = appearance.log_ratio(frame.color(pixel));
+        // Look-ups first: the loop after them then works on many pixels at once.
+        appearance.log_ratios(frame, &mut self.score);
+        for ((score, &distance), &shadow) in self.score.iter_mut().zip(&self.distance).zip(&self.shadow) {
+            let likeness = *score;
             let cost = (shadow_cost + config.shadow_appearance * likeness).max(0.0);
             let least = distance.min(shadow + cost).sqrt() + config.appearance_bias * likeness;
             *score = (least - config.threshold_sd).clamp(-SCORE_LIMIT, SCORE_LIMIT);

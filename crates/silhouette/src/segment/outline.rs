@@ -93,8 +93,11 @@ pub(crate) fn enlarged(coverage: &[f32], geometry: Geometry, least: f32) -> Mask
             continue;
         };
         let last = row.iter().rposition(|&share| share > 0.0).unwrap_or(first);
-        for (x, &(left, right, part)) in columns.iter().enumerate() {
-            if right >= first && left <= last && row[left] + part * (row[right] - row[left]) >= least {
+        // Columns that lie between two working pixels without any person stay empty.
+        let start = columns.partition_point(|&(_, right, _)| right < first);
+        let end = columns.partition_point(|&(left, ..)| left <= last);
+        for (x, &(left, right, part)) in (start..).zip(&columns[start..end]) {
+            if row[left] + part * (row[right] - row[left]) >= least {
                 mask.set(x as u32, y as u32, true);
             }
         }

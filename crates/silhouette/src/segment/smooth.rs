@@ -58,14 +58,23 @@ impl Smoother {
 
 /// Largest difference of the channels between each pixel and the one `offset` before it, less that of the background.
 fn fill_contrast(contrast: &mut [u8], frame: &RgbPlanes, background: &RgbPlanes, offset: usize) {
-    let [fr, fg, fb] = &frame.planes;
-    let [br, bg, bb] = &background.planes;
-    for at in offset..contrast.len() {
-        let step = |plane: &[f32]| (plane[at] - plane[at - offset]).abs();
+    // Slices of one length: without an index to check, the loop works on many pixels at once.
+    let n = contrast.len() - offset;
+    let [fr, fg, fb] = frame.planes.each_ref().map(|plane| [&plane[offset..][..n], &plane[..n]]);
+    let [br, bg, bb] = background.planes.each_ref().map(|plane| [&plane[offset..][..n], &plane[..n]]);
+    let contrast = &mut contrast[offset..][..n];
+    for at in 0..n {
+        let step = |[later, earlier]: [&[f32]; 2]| (later[at] - earlier[at]).abs();
         let in_frame = step(fr).max(step(fg)).max(step(fb));
         let in_background = step(br).max(step(bg)).max(step(bb));
-        contrast[at] = (in_frame - in_background).clamp(0.0, 255.0) as u8;
+        contrast[at] = whole_level((in_frame - in_background).clamp(0.0, 255.0));
     }
+}
+
+/// The whole part of a grey level from 0 to 255. Of a number added to 2^23 the lowest bits are its integer; unlike a cast,
+/// that is done for many numbers at once.
+fn whole_level(level: f32) -> u8 {
+    (level.floor() + 8_388_608.0).to_bits() as u8
 }
 
 /// For each contrast the share of a neighbour's value that is carried over: a^(1 + reach/contrast * step) with
