@@ -92,6 +92,8 @@ impl Preset {
                 components: 5,
                 refine_steps: 0,
                 travel_weight: 0.0,
+                least_share: 0.05,
+                diffusion: 3.0,
                 ..config
             },
         }
