@@ -1,4 +1,4 @@
-//! MP4 files with H.264, decoded in memory-safe Rust.
+//! MP4 files with H.264, decoded in Rust: memory-safe but for SIMD kernels behind checked calls.
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, VecDeque};
