@@ -40,16 +40,16 @@ impl Canvas {
             }
             // The sum over any columns is a difference of two running sums.
             let mut before = [0_u32; 3];
-            for (running, sum) in running[1..].iter_mut().zip(sums.as_chunks::<3>().0) {
-                before.iter_mut().zip(sum).for_each(|(before, sum)| *before += sum);
+            for (running, [red, green, blue]) in running[1..].iter_mut().zip(sums.as_chunks::<3>().0) {
+                before = [before[0] + red, before[1] + green, before[2] + blue];
                 *running = before;
             }
             for (pixel, columns) in row.as_chunks_mut::<3>().0.iter_mut().zip(&columns) {
                 let share = 1.0 / (columns.len() * rows.len()) as f32;
                 let (start, end) = (running[columns.start], running[columns.end]);
-                *pixel = std::array::from_fn(|channel| {
-                    ((end[channel] - start[channel]) as f32 * share + 0.5) as u8
-                });
+                for (channel, value) in pixel.iter_mut().enumerate() {
+                    *value = ((end[channel] - start[channel]) as f32 * share + 0.5) as u8;
+                }
             }
         }
         canvas

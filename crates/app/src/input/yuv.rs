@@ -62,15 +62,17 @@ impl Coefficients {
         for (i, (&u, &v)) in u.iter().zip(v).enumerate() {
             let (u, v) = (i32::from(u) - 128, i32::from(v) - 128);
             let pair = [self.red_v * v, self.green_u * u + self.green_v * v, self.blue_u * u];
-            for (tint, value) in tint.iter_mut().zip(pair) {
-                (tint[2 * i], tint[2 * i + 1]) = (value + HALF, value + HALF);
+            for (channel, tint) in tint.iter_mut().enumerate() {
+                let value = pair[channel] + HALF;
+                (tint[2 * i], tint[2 * i + 1]) = (value, value);
             }
         }
         let mut rgb = [[0; BLOCK]; 3];
-        for (channel, tint) in rgb.iter_mut().zip(&tint) {
-            for ((value, &y), tint) in channel.iter_mut().zip(luma).zip(tint) {
-                let y = (i32::from(y) - self.luma_offset) * self.luma;
-                *value = ((y + tint) >> 16).clamp(0, 255) as u8;
+        for (channel, values) in rgb.iter_mut().enumerate() {
+            let tint = &tint[channel];
+            for (i, value) in values.iter_mut().enumerate() {
+                let y = (i32::from(luma[i]) - self.luma_offset) * self.luma;
+                *value = ((y + tint[i]) >> 16).clamp(0, 255) as u8;
             }
         }
         rgb

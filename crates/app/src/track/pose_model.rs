@@ -150,13 +150,13 @@ impl PoseModel for FreeJoints {
     /// -1/2 dᵀ P d, with the difference d from the mean and the precision P.
     fn log_prior(&self, latent: &[f64]) -> f64 {
         let mut difference = [0.0; N_DOF];
-        for (d, (a, mean)) in difference.iter_mut().zip(latent.iter().zip(&self.mean)) {
-            *d = a - mean;
+        for (i, d) in difference.iter_mut().enumerate() {
+            *d = latent[i] - self.mean[i];
         }
         let mut product = [0.0; N_DOF];
-        for (column, d) in self.precision.as_slice().chunks_exact(N_DOF).zip(difference) {
-            for (sum, p) in product.iter_mut().zip(column) {
-                *sum += p * d;
+        for (column, d) in self.precision.as_slice().as_chunks::<N_DOF>().0.iter().zip(difference) {
+            for (i, sum) in product.iter_mut().enumerate() {
+                *sum += column[i] * d;
             }
         }
         -0.5 * product.iter().zip(difference).map(|(p, d)| p * d).sum::<f64>()
