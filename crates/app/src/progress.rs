@@ -71,7 +71,7 @@ impl Progress {
     }
 
     /// Frames a second since the start.
-    pub fn rate(&self) -> f64 {
+    fn rate(&self) -> f64 {
         (self.done - self.first) as f64 / self.started.elapsed().as_secs_f64().max(f64::MIN_POSITIVE)
     }
 

@@ -37,9 +37,9 @@ fn mean_on_a_circle_goes_the_short_way_round() {
 fn survivors_spread_as_they_are_spread_already() {
     const N: u32 = 100_000;
     const MAX_STANDARD_ERRORS: f64 = 4.0;
-    let survivors = [[0.0, 0.0], [2.0, 1.0], [2.0, 1.0], [4.0, 0.0]];
-    // Mean (2, 1/2); squares 8/4 and 1/4, product 0; and the floor 0.5² on the diagonal.
-    let variances = [2.0 + 0.25, 0.25 + 0.25];
+    let survivors = [[0.0, 0.0], [2.0, 1.0], [2.0, 0.0], [4.0, 1.0]];
+    // Mean (2, 1/2); squares 8/4 and 1/4, product 2/4; and the floor 0.5² on the diagonal.
+    let (variances, covariance) = ([2.0 + 0.25, 0.25 + 0.25], 0.5);
     let step = LayerStep { layer: 0, layers: 2, diffusion_scale: 0.5 };
     let mut diffusion = GaussianDiffusion::of_survivors(vec![0.5, 0.5]).expect("above zero");
     Mutation::<Plane, ()>::prepare(&mut diffusion, &Plane::default(), &survivors, &step);
@@ -57,7 +57,8 @@ fn survivors_spread_as_they_are_spread_already() {
         let standard_error = expected * (2.0 / f64::from(N)).sqrt();
         assert!((square - expected).abs() < MAX_STANDARD_ERRORS * standard_error, "{square}, not {expected}");
     }
-    let standard_error = 0.25 * (variances[0] * variances[1] / f64::from(N)).sqrt();
-    assert!(product.abs() < MAX_STANDARD_ERRORS * standard_error, "{product}, not zero");
+    let (expected, both) = (0.25 * covariance, variances[0] * variances[1] + covariance * covariance);
+    let standard_error = 0.25 * (both / f64::from(N)).sqrt();
+    assert!((product - expected).abs() < MAX_STANDARD_ERRORS * standard_error, "{product}, not {expected}");
     assert!(GaussianDiffusion::of_survivors(vec![0.0]).is_err(), "survivors that are alike must part");
 }

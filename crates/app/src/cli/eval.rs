@@ -129,6 +129,9 @@ pub struct LatentArgs {
     /// A stage-like data set.
     #[arg(long, value_name = "FOLDER")]
     stage: Option<PathBuf>,
+    /// Coordinates of the models, one count after the other, separated by commas [default: as many as the shipped ones have].
+    #[arg(long, value_name = "COUNTS", value_delimiter = ',', value_parser = clap::value_parser!(u64).range(1..=30))]
+    dims: Vec<u64>,
     /// Where eval.json goes.
     #[arg(long, value_name = "FOLDER", default_value = "runs/eval-latent")]
     out: PathBuf,
@@ -310,7 +313,9 @@ pub fn run(command: &EvalCommand) -> anyhow::Result<()> {
                 (None, stage) => Some(data_folder(stage.as_deref(), "stage")?),
             };
             let exec = exec_config(args.threads)?;
-            latent::table(&in_pool(exec, || latent::evaluate(&recordings, stage.as_deref(), &args.out))?)
+            let dims: Vec<usize> = args.dims.iter().map(|&count| count as usize).collect();
+            let evaluate = || latent::evaluate(&recordings, stage.as_deref(), &dims, &args.out);
+            latent::table(&in_pool(exec, evaluate)?)
         }
         EvalCommand::Shape(args) => {
             let eval = shape::ShapeEval {

@@ -6,10 +6,10 @@ use anyhow::{Context as _, bail};
 use clap::Args;
 
 use super::shape::{self, ShapeOptions};
-use crate::config::{ExecConfig, Method, Motion, Preset, TrackConfig, Weighting};
+use crate::config::{ExecConfig, Method, Motion, Preset, TrackConfig, TrackParams, Weighting};
 use crate::predict::Activity;
 use crate::progress::note;
-use crate::run_folder::Existing;
+use crate::run_folder::{Existing, Status};
 use crate::track::{Background, CameraChoice, ClipInput, TrackJob, TrackOutcome, track_clip};
 use crate::train::DescriptorKind;
 
@@ -163,6 +163,7 @@ impl SettingsArgs {
             let mut table = toml::Table::try_from(&config).context("the settings as TOML")?;
             table.extend(told);
             config = table.try_into().with_context(|| format!("{}: not settings", path.display()))?;
+            TrackParams::new(config.clone()).with_context(|| path.display().to_string())?;
         }
         set(&mut config.particles, self.particles);
         set(&mut config.layers, self.layers);
@@ -252,16 +253,29 @@ pub fn run(args: &TrackArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Says what was written and what to open.
+/// Under this mean overlap of body and mask, something is wrong with what the tracker was given: clothes and hair cost a tenth.
+const LEAST_PLAUSIBLE_IOU: f64 = 0.75;
+
+/// Says what was written, what to open, and whether to doubt it.
 pub fn report(job: &TrackJob, outcome: &TrackOutcome) {
     let out = job.out.display();
+    let [tracked, coasting, lost] =
+        [Status::Tracked, Status::Coasting, Status::Lost].map(|status| outcome.count(status));
+    let overlap =
+        outcome.mean_iou().map_or(String::new(), |iou| format!("; mean overlap of body and mask {iou:.3}"));
     note(&format!(
-        "tracked {} of {} frames at {:.1} frames a second; mean overlap of body and mask {:.3}",
-        outcome.n_tracked(),
+        "tracked {tracked} of {} frames ({coasting} coasting, {lost} lost) at {:.1} frames a second{overlap}",
         outcome.frames.len(),
         outcome.fps,
-        outcome.mean_iou(),
     ));
+    if outcome.mean_iou().is_none_or(|iou| iou < LEAST_PLAUSIBLE_IOU) {
+        note(
+            "warning: body and mask hardly agree, so do not trust these poses. Look at the overlays: is the person cut out well",
+        );
+        note(
+            "(`--background` with a picture of the empty scene; `--masks` where the pictures are masks), is it the right camera?",
+        );
+    }
     note(&format!("open {out}/filmstrip.png for a first look, {out}/overlay/ for every frame,"));
     note(&format!("{out}/run.mcap in Foxglove or Rerun; `umbra info {out}` prints the summary"));
 }

@@ -131,7 +131,7 @@ fn train_shipped(args: &TrainArgs) -> anyhow::Result<()> {
         }
         if !path("latent").is_file() {
             let start = Instant::now();
-            write_whole(&path("latent"), &recordings.latent(activity)?.to_bytes())?;
+            write_whole(&path("latent"), &recordings.latent(activity, activity.n_latent())?.to_bytes())?;
             note(&format!("{}: {:.1} s", path("latent").display(), start.elapsed().as_secs_f64()));
         }
         if path("predict").is_file() {

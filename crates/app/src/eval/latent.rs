@@ -48,11 +48,21 @@ pub struct LatentReport {
     pub rows: Vec<LatentRow>,
 }
 
-/// Fits and tries all models, writes `eval.json` to `out` and returns the report.
+/// Fits and tries models of so many coordinates, one after the other, or of as many as the shipped ones have where `dims` is
+/// empty; writes `eval.json` to `out` and returns the report.
 ///
 /// # Errors
 /// When the data cannot be read, show too few poses, or the report cannot be written.
-pub fn evaluate(recordings: &Path, stage: Option<&Path>, out: &Path) -> anyhow::Result<LatentReport> {
+pub fn evaluate(
+    recordings: &Path,
+    stage: Option<&Path>,
+    dims: &[usize],
+    out: &Path,
+) -> anyhow::Result<LatentReport> {
+    let dims_of = |activity: Activity| match dims {
+        [] => vec![activity.n_latent()],
+        dims => dims.to_vec(),
+    };
     let [train, validate] = ["train", "validate"].map(|split| Recordings::read_split(recordings, split));
     let (train, validate) = (train?, validate?);
     let mut rows = Vec::new();
@@ -60,9 +70,12 @@ pub fn evaluate(recordings: &Path, stage: Option<&Path>, out: &Path) -> anyhow::
         let tested: Vec<Motion> = validate.motions(activity).cloned().collect();
         if !tested.is_empty() {
             let motions: Vec<Motion> = train.motions(activity).cloned().collect();
-            let latent = train.latent(activity)?;
             let prior = train.prior(activity)?;
-            rows.push(row(format!("{}, other people", activity.name()), &motions, &tested, &latent, &prior));
+            for n_dims in dims_of(activity) {
+                let latent = train.latent(activity, n_dims)?;
+                let name = format!("{}, other people", activity.name());
+                rows.push(row(name, &motions, &tested, &latent, &prior));
+            }
         }
     }
     for sequence in stage.map_or(Ok(Vec::new()), Sequence::read_all)? {
@@ -71,9 +84,11 @@ pub fn evaluate(recordings: &Path, stage: Option<&Path>, out: &Path) -> anyhow::
         let [train, test] = [&sequence, &held_out]
             .map(|sequence| TrainingFrames::read(sequence, &sequence.cameras[0], "observed"));
         let [train, test] = [train?.motion.motion, test?.motion.motion].map(|motion| vec![motion]);
-        let latent = LatentPoses::fit(&train, Activity::Walk.n_latent(), false, "")?;
         let prior = PosePrior::learn(&train, "", &PosePriorConfig { mirror: false, ..Default::default() })?;
-        rows.push(row(format!("{}, later frames", sequence.title()), &train, &test, &latent, &prior));
+        for n_dims in dims_of(Activity::Walk) {
+            let latent = LatentPoses::fit(&train, n_dims, false, "")?;
+            rows.push(row(format!("{}, later frames", sequence.title()), &train, &test, &latent, &prior));
+        }
     }
     let report = LatentReport { recordings: recordings.to_owned(), rows };
     write_json(out, &report)?;

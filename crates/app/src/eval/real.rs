@@ -15,7 +15,7 @@ use super::reference::{self, JUDGED, ReferenceFrame};
 use super::write_json;
 use crate::config::{ExecConfig, TrackConfig};
 use crate::predict::Activity;
-use crate::run_folder::Existing;
+use crate::run_folder::{Existing, Status};
 use crate::track::{Background, CameraChoice, ClipInput, TrackJob, track_clip};
 
 /// What to evaluate.
@@ -203,7 +203,7 @@ fn run_seed(
     Ok(SeedFigures {
         seed,
         frames: errors.frame_mm.len(),
-        iou_mean: outcome.mean_iou(),
+        iou_mean: mean(outcome.frames.iter().map(|frame| frame.iou)),
         iou_worst: outcome.frames.iter().map(|frame| frame.iou).fold(1.0, f64::min),
         mpjpe_root_mm: over_joints(&errors.root_aligned_mm),
         median_mm: median(&errors.frame_mm),
@@ -211,7 +211,7 @@ fn run_seed(
         image_plane_mm: over_joints(&errors.image_plane_mm),
         depth_mm: over_joints(&errors.depth_mm),
         pelvis_mm: mean(errors.pelvis_mm.iter().copied()),
-        frames_lost: outcome.frames.len() - outcome.n_tracked(),
+        frames_lost: outcome.frames.len() - outcome.count(Status::Tracked),
         fps: outcome.fps,
         joints: JUDGED
             .iter()

@@ -216,6 +216,19 @@ impl RunWriter {
         }
         Ok(summary)
     }
+
+    /// Takes back a run of which nothing came, so that the folder is free for the next.
+    ///
+    /// # Errors
+    /// When a file cannot be removed.
+    pub fn discard(self) -> Result<(), WriteRunError> {
+        remove_run(&self.folder)?;
+        for folder in [self.folder.join(OVERLAY), self.folder] {
+            // It stays where somebody else's files lie in it.
+            fs::remove_dir(folder).ok();
+        }
+        Ok(())
+    }
 }
 
 /// What a folder holds before a run is written to it.

@@ -114,3 +114,48 @@ impl BodyMoves {
 fn pick(rng: &mut ParticleRng, n: usize) -> usize {
     ((rng.uniform() * n as f64) as usize).min(n - 1)
 }
+
+#[cfg(test)]
+mod tests {
+    use body::BodyModel;
+    use body::pose_prior::PosePrior;
+    use pf_core::rng::{Draw, Purpose, particle_rng};
+    use silhouette::Mask;
+
+    use super::*;
+    use crate::track::pose_model::{FreeJoints, Widening};
+
+    /// A body that floats, after a layer of this share of floor moves and no noise.
+    fn moved(ground_share: f64) -> (BodyState, f64) {
+        let widening = Widening { factor: 1.3, least_sd: 0.06, least_step: 0.006, frees_clavicles: true };
+        let space = BodySpace::new(Arc::new(FreeJoints::new(&PosePrior::builtin(), widening)));
+        let body = Arc::new(BodyModel::builtin().mean());
+        let moves = BodyMoves {
+            step_sd: vec![0.0; space.dim()],
+            body: body.clone(),
+            camera_centre: DVec3::new(0.0, -5.0, 1.5),
+            exchange_share: 0.0,
+            part_share: 0.0,
+            mirror_share: 0.0,
+            ground_share,
+            survivors: Vec::new(),
+        };
+        let mut state = space.state_from_pose(&Pose::upright(DVec3::new(0.3, 0.2, 1.4), 0.5));
+        let frame =
+            Observation { mask: Mask::new(8, 8), cue: None, outline: None, travel: None, description: None };
+        let step = LayerStep { layer: 0, layers: 1, diffusion_scale: 1.0 };
+        let at = Draw { seed: 1, frame: 0, layer: 0, purpose: Purpose::User };
+        moves.mutate(&space, &frame, &step, &mut state, &mut particle_rng(at, 0));
+        let sole_m = lowest_sole_m(&body.joints_world(&space.pose(&state)), body.rest_joints());
+        (state, sole_m)
+    }
+
+    #[test]
+    fn the_floor_move_puts_the_lowest_sole_on_the_floor_and_moves_nothing_else() {
+        let ((floating, height_m), (standing, sole_m)) = (moved(0.0), moved(1.0));
+        assert!(height_m > 0.2 && sole_m.abs() < 1e-9, "from {height_m} to {sole_m}");
+        assert!((floating.position.z - standing.position.z - height_m).abs() < 1e-9);
+        assert_eq!(floating.position.truncate(), standing.position.truncate());
+        assert_eq!((floating.orientation, floating.latent), (standing.orientation, standing.latent));
+    }
+}

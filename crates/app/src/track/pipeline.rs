@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Instant;
 
 use anyhow::{Context as _, bail};
 use body::{BodyModel, Camera};
@@ -72,19 +73,21 @@ pub struct TrackOutcome {
     pub frames: Vec<FrameRecord>,
     /// The camera, at full resolution.
     pub camera: Camera,
-    /// Frames a second, decoding and run folder included.
+    /// Frames a second of the whole job: reading the inputs, decoding, the start and the finished run folder included.
     pub fps: f64,
 }
 
 impl TrackOutcome {
-    /// Frames on which the person was seen and explained.
-    pub fn n_tracked(&self) -> usize {
-        self.frames.iter().filter(|frame| frame.status == Status::Tracked).count()
+    /// Frames of this status.
+    pub fn count(&self, status: Status) -> usize {
+        self.frames.iter().filter(|frame| frame.status == status).count()
     }
 
-    /// Mean intersection over union of body and mask, frames without a person included as 0.
-    pub fn mean_iou(&self) -> f64 {
-        self.frames.iter().map(|frame| frame.iou).sum::<f64>() / self.frames.len() as f64
+    /// Mean intersection over union of body and mask on the tracked frames; none without any.
+    pub fn mean_iou(&self) -> Option<f64> {
+        let tracked = self.frames.iter().filter(|frame| frame.status == Status::Tracked);
+        let (sum, n) = tracked.fold((0.0, 0), |(sum, n), frame| (sum + frame.iou, n + 1));
+        (n > 0).then(|| sum / f64::from(n))
     }
 }
 
@@ -102,6 +105,7 @@ pub fn track_clip(job: &TrackJob, exec: ExecConfig) -> anyhow::Result<TrackOutco
 }
 
 fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
+    let started = Instant::now();
     let params = TrackParams::new(job.config.clone())?;
     let reader = ClipReader::open(&job.input)?;
     let info = reader.info().clone();
@@ -161,9 +165,10 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
         follower.restore(&resumed.checkpoint)?;
         frames = resumed.frames;
     }
+    let n_resumed = frames.len();
 
     let total = info.n_frames.map(|n| n.min(range.end).saturating_sub(range.start));
-    let mut progress = Progress::start("tracking", frames.len() as u64, total);
+    let mut progress = Progress::start("tracking", n_resumed as u64, total);
     for assumption in &assumptions {
         progress.note(&format!("assumed: {assumption}"));
     }
@@ -205,8 +210,9 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
         Unwritten { frame: taken(&mut held, &record), record, checkpoint: None }.write(&mut writer)?;
     }
     let cut_short_by = window.reader.broken;
-    let fps_achieved = progress.rate();
+    drop(progress);
     if frames.is_empty() {
+        writer.discard()?;
         return Err(match cut_short_by {
             Some(error) => error,
             None => {
@@ -224,7 +230,10 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
             job.out.display(),
             frames.len()
         ))),
-        None => Ok(TrackOutcome { frames, camera: known.camera, fps: fps_achieved }),
+        None => {
+            let fps = (frames.len() - n_resumed) as f64 / started.elapsed().as_secs_f64();
+            Ok(TrackOutcome { frames, camera: known.camera, fps })
+        }
     }
 }
 

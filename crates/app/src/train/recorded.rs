@@ -134,13 +134,13 @@ impl Recordings {
             .with_context(|| format!("cannot learn the poses of `{}`", activity.name()))
     }
 
-    /// Few coordinates for the poses of those who do it, and how they go on.
+    /// `n_dims` coordinates for the poses of those who do it, and how they go on.
     ///
     /// # Errors
     /// When too few poses show the activity.
-    pub fn latent(&self, activity: Activity) -> anyhow::Result<LatentPoses> {
+    pub fn latent(&self, activity: Activity, n_dims: usize) -> anyhow::Result<LatentPoses> {
         let motions: Vec<Motion> = self.motions(activity).cloned().collect();
-        LatentPoses::fit(&motions, activity.n_latent(), true, &self.notice())
+        LatentPoses::fit(&motions, n_dims, true, &self.notice())
             .with_context(|| format!("cannot learn the latent poses of `{}`", activity.name()))
     }
 

@@ -135,6 +135,7 @@ fn cameras_that_cannot_be() {
         ("[272, 480]", "[270, 480]", &["`image_size` is 270 x 480, expected 272 x 480"][..]),
         ("[0.829049219, 0.418270777, -0.371115817]", "[0.0, 0.0, 0.0]", &["`rotation`", "expected"]),
         ("fps = 60.0", "fps = nan", &["`fps`", "NaN", "expected"]),
+        ("fps = 60.0", "fps = 0.0", &["`fps` is 0, expected a number above 0"]),
         ("[418.80875, 418.80106]", "[nan, 418.8]", &["`focal_px", "NaN", "expected"]),
         ("[418.80875, 418.80106]", "[-418.8, 418.8]", &["`focal_px`", "-418.8", "expected"]),
         ("translation_m = ", "translation = ", &["translation_m"]),
@@ -163,13 +164,25 @@ fn cameras_that_cannot_be() {
 }
 
 #[test]
+fn results_that_cannot_be_right_come_with_a_warning() {
+    let warning = "warning: body and mask hardly agree";
+    let aside = with_camera("[134.65155, 240.63257]", "[1e9, 240.63257]");
+    let answer = Answer::of(&mut aside.track("run")).succeeded();
+    assert!(answer.stderr.contains(warning), "{}", answer.stderr);
+    assert!(answer.stderr.contains("tracked 0 of 1 frames"), "{}", answer.stderr);
+    let fitting = Answer::of(&mut Clip::of_balance(1).track("run")).succeeded();
+    assert!(!fitting.stderr.contains(warning), "{}", fitting.stderr);
+    assert!(fitting.stderr.contains("tracked 1 of 1 frames (0 coasting, 0 lost)"), "{}", fitting.stderr);
+}
+
+#[test]
 fn settings_out_of_range() {
     let clip = Clip::of_balance(1);
     let bad_file = |name: &str, text: &str, parts: &[&str]| {
         let settings = clip.write(name, text);
         Answer::of(clip.track("run").arg("--config").arg(settings)).failed(1, parts);
     };
-    bad_file("nan.toml", "sharpness = nan", &["`sharpness` is NaN, expected 1 to 10000"]);
+    bad_file("nan.toml", "sharpness = nan", &["nan.toml: settings: `sharpness` is NaN, expected 1 to 10000"]);
     bad_file("wide.toml", "stature_m = 5.0", &["`stature_m` is 5, expected 1.2 to 2.3 metres"]);
     bad_file("name.toml", "sharpnes = 3.0", &["name.toml", "sharpnes", "sharpness"]);
     bad_file("text.toml", "sharpness", &["text.toml"]);
@@ -196,6 +209,7 @@ fn settings_out_of_range() {
 fn nobody_on_any_frame() {
     let clip = Clip::of_masks(&[nobody(), nobody(), nobody()]);
     Answer::of(&mut clip.track("run")).failed(3, &["masks: none of the 3 frames shows a person"]);
+    assert!(!clip.path("run").exists(), "nothing came of it");
 }
 
 #[test]

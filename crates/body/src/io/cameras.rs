@@ -200,7 +200,7 @@ fn toml_parts(value: &Value) -> Result<Parts, FieldError> {
     let [cx, cy] = root.require(&["principal_point_px"])?.numbers()?;
     Ok(Parts {
         name: root.find(&["name"]).map(|field| field.text().map(str::to_owned)).transpose()?,
-        frame_rate_hz: root.find(&["fps"]).map(|field| field.number()).transpose()?,
+        frame_rate_hz: root.find(&["fps"]).map(|field| field.positive_number()).transpose()?,
         intrinsics: Intrinsics {
             width,
             height,
@@ -244,7 +244,7 @@ fn matrix_parts(value: &Value) -> Result<Parts, FieldError> {
     };
     Ok(Parts {
         name: root.find(&["name"]).map(|field| field.text().map(str::to_owned)).transpose()?,
-        frame_rate_hz: root.find(&["fps"]).map(|field| field.number()).transpose()?,
+        frame_rate_hz: root.find(&["fps"]).map(|field| field.positive_number()).transpose()?,
         intrinsics: Intrinsics {
             width: root.require(&["width", "image_width"])?.pixels()?,
             height: root.require(&["height", "image_height"])?.pixels()?,

@@ -79,6 +79,11 @@ impl<'a> Field<'a> {
         }
     }
 
+    pub(crate) fn positive_number(&self) -> Result<f64, FieldError> {
+        let number = self.number()?;
+        if number > 0.0 { Ok(number) } else { Err(self.unexpected("a number above 0")) }
+    }
+
     pub(crate) fn text(&self) -> Result<&'a str, FieldError> {
         match self.value {
             Value::Text(text) => Ok(text),

@@ -341,7 +341,7 @@ impl Prepared {
                 Learned {
                     body: body_from_masks(&sequence, &test)?,
                     prior: others.prior(activity)?,
-                    latent: needs_latent.then(|| others.latent(activity)).transpose()?,
+                    latent: needs_latent.then(|| others.latent(activity, activity.n_latent())).transpose()?,
                     predictor: predictor_of_others(&sequence, &others, activity, eval)?,
                     transitions: None,
                 }

@@ -104,19 +104,20 @@ pub(super) fn recovery_table(report: &StageReport) -> String {
 /// How predictors fare that learn while tracking.
 pub(super) fn updates_table(report: &StageReport) -> String {
     let mut text = String::from(
-        "| sequence | trained on | particles learned from | joints ° | heading ° | frames | bases added | deleted | log evidence |\n\
-         |---|---:|---:|---:|---:|---:|---:|---:|---:|\n",
+        "| sequence | trained on | particles learned from | joints ° | heading ° | all angles ° | frames | bases added | deleted | log evidence |\n\
+         |---|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n",
     );
     for row in &report.updates {
         let _ = writeln!(
             text,
-            "| {} {} | {} | {} | {:.2} | {:.1} | {} | {} | {} | {:+.1} |",
+            "| {} {} | {} | {} | {:.2} | {:.1} | {:.2} | {} | {} | {} | {:+.1} |",
             row.subject,
             row.activity,
             row.trained_on,
             row.particles,
             row.joints_deg,
             row.heading_deg,
+            row.angles_deg,
             row.learned.frames,
             row.learned.added,
             row.learned.deleted,

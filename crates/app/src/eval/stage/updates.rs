@@ -41,6 +41,9 @@ pub struct UpdatesRow {
     pub joints_deg: f64,
     /// Mean difference of the heading, degrees.
     pub heading_deg: f64,
+    /// Mean absolute difference of all the angles that are predicted: those of the joints above, and the heading as one more,
+    /// degrees.
+    pub angles_deg: f64,
     /// What was learned, sum over frames and seeds.
     pub learned: Learned,
     /// `joints_deg` of each frame.
@@ -52,6 +55,7 @@ pub struct UpdatesRow {
 struct PredictionError {
     joints: f64,
     heading: f64,
+    angles: f64,
 }
 
 /// Lets the predictors of a sequence learn from the joint particle filter's particles, and asks them on the way: the one that
@@ -94,6 +98,7 @@ pub(super) fn study(prepared: &Prepared, eval: &StageEval) -> anyhow::Result<Vec
                 particles,
                 joints_deg: over(|e| e.joints),
                 heading_deg: over(|e| e.heading),
+                angles_deg: over(|e| e.angles),
                 learned,
                 frames_deg: (0..runs[0].0.len())
                     .map(|frame| mean(runs.iter().map(|run| run.0[frame].joints)))
@@ -140,11 +145,13 @@ fn error_of(
     let camera_world = sequence.camera(MAIN_CAMERA).ok()?.centre_world();
     let true_pose = &truth.motion.poses[frame];
     let predicted = predictor.density(mask)?.mean();
-    let heading = ViewedPose::of(true_pose, camera_world).heading_rad;
+    let true_heading_rad = ViewedPose::of(true_pose, camera_world).heading_rad;
+    let heading = wrapped(predicted.heading_rad - true_heading_rad).abs().to_degrees();
+    let off = |&dof: &usize| (predicted.angles[dof] - true_pose.angles[dof]).abs().to_degrees();
+    let joints = || moving_dofs.iter().map(off);
     Some(PredictionError {
-        joints: mean(
-            moving_dofs.iter().map(|&dof| (predicted.angles[dof] - true_pose.angles[dof]).abs().to_degrees()),
-        ),
-        heading: wrapped(predicted.heading_rad - heading).abs().to_degrees(),
+        joints: mean(joints()),
+        heading,
+        angles: mean(joints().chain(std::iter::once(heading))),
     })
 }
