@@ -69,7 +69,7 @@ pub struct TrackArgs {
     shape: bool,
     #[command(flatten)]
     shape_options: ShapeOptions,
-    /// Worker threads; the results do not depend on them [default: one a core].
+    /// Worker threads, beside one that decodes and one that segments; the results do not depend on them [default: one a core].
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
     #[arg(long, value_name = "N", help_heading = SETTINGS, help = or_else("Seed of every random draw", defaults().seed))]

@@ -102,3 +102,42 @@ const FEET: [JointId; 6] = [
     JointId::RIGHT_BALL,
     JointId::RIGHT_TOE_TIP,
 ];
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+    use std::sync::Arc;
+
+    use body::io::cameras::load_camera;
+    use body::pose_prior::PosePrior;
+    use body::{BodyModel, JointId};
+
+    use super::*;
+    use crate::eval::reference::{JUDGED, read_reference};
+    use crate::track::{ClipInput, ClipReader};
+
+    #[test]
+    fn an_upright_body_is_placed_where_a_real_man_stands() {
+        const SCALE: f64 = 0.25;
+        let clip = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/balance");
+        let camera = load_camera(&clip.join("camera.toml")).unwrap().camera().unwrap().scaled(SCALE);
+        let first = ClipReader::open(&ClipInput::Masks(clip.join("masks"))).unwrap().next_frame().unwrap();
+        let mask = first.unwrap().mask.resized(camera.intrinsics().width, camera.intrinsics().height);
+        let body = Arc::new(BodyModel::builtin().shape_for_stature(1.77, None));
+        let mut overlap = BodyOverlap::new(body, camera);
+        overlap.set_mask(&mask).unwrap();
+
+        let placement = place_upright(&mut overlap, &mask, PosePrior::builtin().mean_rad(), 0.0).unwrap();
+
+        let reference = &read_reference(&clip.join("joints3d.csv")).unwrap()[&0];
+        let hip = |side| reference[JUDGED.iter().position(|(_, joint)| *joint == side).unwrap()].unwrap();
+        let hips = 0.5 * (hip(JointId::LEFT_HIP) + hip(JointId::RIGHT_HIP));
+        let off_m = (placement.pose.root_position - hips).length();
+        assert!(off_m < 0.35, "{off_m} m from the hips of the reference");
+        assert!(placement.score > 0.5, "overlap of {}", placement.score);
+        // The floor of the clip's world is a little below the treadmill that he stands on.
+        let sole_m =
+            lowest_sole_m(&overlap.body().joints_world(&placement.pose), overlap.body().rest_joints());
+        assert!(sole_m.abs() < FLOOR_TOLERANCE_M, "soles {sole_m} m above the floor");
+    }
+}
