@@ -155,15 +155,16 @@ impl SettingsArgs {
     /// The same, with other defaults.
     pub fn config_over(&self, defaults: TrackConfig) -> anyhow::Result<TrackConfig> {
         let mut config = self.preset.unwrap_or(Preset::Best).over(defaults);
+        let mut told_by_file = toml::Table::new();
         if let Some(path) = &self.config {
             let text = std::fs::read_to_string(path)
                 .with_context(|| format!("{}: cannot read the settings", path.display()))?;
             let told: toml::Table =
                 toml::from_str(&text).with_context(|| format!("{}: not settings", path.display()))?;
             let mut table = toml::Table::try_from(&config).context("the settings as TOML")?;
-            table.extend(told);
+            table.extend(told.clone());
             config = table.try_into().with_context(|| format!("{}: not settings", path.display()))?;
-            TrackParams::new(config.clone()).with_context(|| path.display().to_string())?;
+            told_by_file = told;
         }
         set(&mut config.particles, self.particles);
         set(&mut config.layers, self.layers);
@@ -174,7 +175,12 @@ impl SettingsArgs {
         set(&mut config.weighting, self.weighting);
         set(&mut config.motion, self.motion);
         config.stature_m = self.stature_m.or(config.stature_m);
-        Ok(config)
+        match (TrackParams::new(config.clone()), &self.config) {
+            (Err(bad), Some(path)) if told_by_file.contains_key(bad.field) => {
+                Err(bad).with_context(|| path.display().to_string())
+            }
+            _ => Ok(config),
+        }
     }
 }
 

@@ -91,6 +91,41 @@ impl Chart {
         low..if high > low { low + 1.08 * (high - low) } else { low + 1.0 }
     }
 
+    /// The corner where a legend covers the fewest values; the upper right one among equals.
+    fn legend_position(&self) -> SeriesLabelPosition {
+        /// Parts of the width and height that a legend takes, about.
+        const LEGEND: [f64; 2] = [0.2, 0.3];
+        let y_range = self.y_range();
+        let covered = |[from_left, from_top]: [bool; 2]| {
+            let lies_there = |part: f64, size: f64, from_zero: bool| {
+                if from_zero { part < size } else { part > 1.0 - size }
+            };
+            let points = self.series.iter().flat_map(|series| {
+                let last = series.values.len().max(2) - 1;
+                series
+                    .values
+                    .iter()
+                    .enumerate()
+                    .map(move |(index, value)| (index as f64 / last as f64, *value))
+            });
+            points
+                .filter(|&(x, y)| {
+                    let down = (y_range.end - y) / (y_range.end - y_range.start);
+                    lies_there(x, LEGEND[0], from_left) && lies_there(down, LEGEND[1], from_top)
+                })
+                .count()
+        };
+        [
+            (SeriesLabelPosition::UpperRight, [false, true]),
+            (SeriesLabelPosition::UpperLeft, [true, true]),
+            (SeriesLabelPosition::LowerRight, [false, false]),
+            (SeriesLabelPosition::LowerLeft, [true, false]),
+        ]
+        .into_iter()
+        .min_by_key(|(_, corner)| covered(*corner))
+        .map_or(SeriesLabelPosition::UpperRight, |(position, _)| position)
+    }
+
     fn draw<B: DrawingBackend>(
         &self,
         root: &DrawingArea<B, Shift>,
@@ -141,7 +176,7 @@ impl Chart {
         if self.series.iter().any(|series| !series.name.is_empty()) {
             chart
                 .configure_series_labels()
-                .position(SeriesLabelPosition::UpperRight)
+                .position(self.legend_position())
                 .background_style(WHITE.mix(0.85))
                 .border_style(RGBColor(180, 180, 180))
                 .legend_area_size(32)
@@ -298,6 +333,18 @@ mod tests {
             })
             .collect();
         assert!(!rows.is_empty() && rows.iter().all(|row| *row < SIZE.1 as usize / 5), "{rows:?}");
+    }
+
+    #[test]
+    fn the_legend_leaves_values_uncovered() {
+        let position = |values: Vec<f64>| {
+            let series = vec![Series { name: "a".into(), values }];
+            Chart { series, ..chart(Marks::Lines) }.legend_position()
+        };
+        let (rising, high) = ((0..20).map(f64::from).collect(), vec![9.0; 20]);
+        assert!(matches!(position(rising), SeriesLabelPosition::UpperLeft));
+        assert!(matches!(position(high), SeriesLabelPosition::LowerRight));
+        assert!(matches!(position(vec![9.0, 5.0, 1.0, 0.0, 0.0]), SeriesLabelPosition::UpperRight));
     }
 
     #[test]
