@@ -9,7 +9,7 @@ use super::shape::{self, ShapeOptions};
 use crate::config::{ExecConfig, Method, Motion, Preset, TrackConfig, TrackParams, Weighting};
 use crate::predict::Activity;
 use crate::progress::note;
-use crate::run_folder::{Existing, Status};
+use crate::run_folder::{Existing, Summary};
 use crate::track::{Background, CameraChoice, ClipInput, TrackJob, TrackOutcome, track_clip};
 use crate::train::DescriptorKind;
 
@@ -265,16 +265,13 @@ const LEAST_PLAUSIBLE_IOU: f64 = 0.75;
 /// Says what was written, what to open, and whether to doubt it.
 pub fn report(job: &TrackJob, outcome: &TrackOutcome) {
     let out = job.out.display();
-    let [tracked, coasting, lost] =
-        [Status::Tracked, Status::Coasting, Status::Lost].map(|status| outcome.count(status));
-    let overlap =
-        outcome.mean_iou().map_or(String::new(), |iou| format!("; mean overlap of body and mask {iou:.3}"));
+    let Summary { frames, tracked, coasting, lost, iou_mean, .. } = outcome.summary;
+    let overlap = iou_mean.map_or(String::new(), |iou| format!("; mean overlap of body and mask {iou:.3}"));
     note(&format!(
-        "tracked {tracked} of {} frames ({coasting} coasting, {lost} lost) at {:.1} frames a second{overlap}",
-        outcome.frames.len(),
+        "tracked {tracked} of {frames} frames ({coasting} coasting, {lost} lost) at {:.1} frames a second{overlap}",
         outcome.fps,
     ));
-    if outcome.mean_iou().is_none_or(|iou| iou < LEAST_PLAUSIBLE_IOU) {
+    if iou_mean.is_none_or(|iou| iou < LEAST_PLAUSIBLE_IOU) {
         note(
             "warning: body and mask hardly agree, so do not trust these poses. Look at the overlays: is the person cut out well",
         );

@@ -97,23 +97,17 @@ impl Chart {
         const LEGEND: [f64; 2] = [0.2, 0.3];
         let y_range = self.y_range();
         let covered = |[from_left, from_top]: [bool; 2]| {
-            let lies_there = |part: f64, size: f64, from_zero: bool| {
-                if from_zero { part < size } else { part > 1.0 - size }
+            let near = |part: f64, from_zero: bool| if from_zero { part } else { 1.0 - part };
+            let covered_of = |series: &Series| {
+                let last = (series.values.len().max(2) - 1) as f64;
+                let right = (0..).map(|index| f64::from(index) / last);
+                let down = series.values.iter().map(|y| (y_range.end - y) / (y_range.end - y_range.start));
+                right
+                    .zip(down)
+                    .filter(|&(x, y)| near(x, from_left) < LEGEND[0] && near(y, from_top) < LEGEND[1])
+                    .count()
             };
-            let points = self.series.iter().flat_map(|series| {
-                let last = series.values.len().max(2) - 1;
-                series
-                    .values
-                    .iter()
-                    .enumerate()
-                    .map(move |(index, value)| (index as f64 / last as f64, *value))
-            });
-            points
-                .filter(|&(x, y)| {
-                    let down = (y_range.end - y) / (y_range.end - y_range.start);
-                    lies_there(x, LEGEND[0], from_left) && lies_there(down, LEGEND[1], from_top)
-                })
-                .count()
+            self.series.iter().map(covered_of).sum::<usize>()
         };
         [
             (SeriesLabelPosition::UpperRight, [false, true]),

@@ -15,7 +15,7 @@ use super::reference::{self, JUDGED, ReferenceFrame};
 use super::write_json;
 use crate::config::{ExecConfig, TrackConfig};
 use crate::predict::Activity;
-use crate::run_folder::{Existing, Status};
+use crate::run_folder::Existing;
 use crate::track::{Background, CameraChoice, ClipInput, TrackJob, track_clip};
 
 /// What to evaluate.
@@ -211,7 +211,7 @@ fn run_seed(
         image_plane_mm: over_joints(&errors.image_plane_mm),
         depth_mm: over_joints(&errors.depth_mm),
         pelvis_mm: mean(errors.pelvis_mm.iter().copied()),
-        frames_lost: outcome.frames.len() - outcome.count(Status::Tracked),
+        frames_lost: outcome.frames.len() - outcome.summary.tracked as usize,
         fps: outcome.fps,
         joints: JUDGED
             .iter()

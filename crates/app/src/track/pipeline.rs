@@ -19,7 +19,7 @@ use super::tracker::Scene;
 use crate::config::{ExecConfig, Method, TrackConfig, TrackParams};
 use crate::predict::{Activity, PosePredictor};
 use crate::progress::Progress;
-use crate::run_folder::{Existing, FrameRecord, RunHeader, RunInput, RunWriter, Status, WriteRunError};
+use crate::run_folder::{Existing, FrameRecord, RunHeader, RunInput, RunWriter, Summary, WriteRunError};
 use crate::shape::clip::stature_from;
 use crate::shape::survey::survey;
 
@@ -71,24 +71,12 @@ pub struct NobodyFound {
 pub struct TrackOutcome {
     /// Every frame, in order.
     pub frames: Vec<FrameRecord>,
+    /// What `summary.json` says of them.
+    pub summary: Summary,
     /// The camera, at full resolution.
     pub camera: Camera,
     /// Frames a second of the whole job: reading the inputs, decoding, the start and the finished run folder included.
     pub fps: f64,
-}
-
-impl TrackOutcome {
-    /// Frames of this status.
-    pub fn count(&self, status: Status) -> usize {
-        self.frames.iter().filter(|frame| frame.status == status).count()
-    }
-
-    /// Mean intersection over union of body and mask on the tracked frames; none without any.
-    pub fn mean_iou(&self) -> Option<f64> {
-        let tracked = self.frames.iter().filter(|frame| frame.status == Status::Tracked);
-        let (sum, n) = tracked.fold((0.0, 0), |(sum, n), frame| (sum + frame.iou, n + 1));
-        (n > 0).then(|| sum / f64::from(n))
-    }
 }
 
 /// Tracks the person of a clip and writes the run folder.
@@ -212,7 +200,8 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
     let cut_short_by = window.reader.broken;
     drop(progress);
     if frames.is_empty() {
-        writer.discard()?;
+        // Why nothing came is the news, not what is left behind.
+        writer.discard().ok();
         return Err(match cut_short_by {
             Some(error) => error,
             None => {
@@ -223,7 +212,7 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
     if let (Some(path), Some(predictor)) = (&job.save_predictor, follower.learned_predictor()) {
         predictor.write(path)?;
     }
-    writer.finish(cut_short_by.as_ref().map(|error| format!("{error:#}")).as_deref())?;
+    let summary = writer.finish(cut_short_by.as_ref().map(|error| format!("{error:#}")).as_deref())?;
     match cut_short_by {
         Some(error) => Err(error.context(format!(
             "{}: stopped after {} frames, which are kept",
@@ -232,7 +221,7 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
         ))),
         None => {
             let fps = (frames.len() - n_resumed) as f64 / started.elapsed().as_secs_f64();
-            Ok(TrackOutcome { frames, camera: known.camera, fps })
+            Ok(TrackOutcome { frames, summary, camera: known.camera, fps })
         }
     }
 }
