@@ -11,18 +11,13 @@ use pf_core::estimate::weighted_mean;
 use rayon::prelude::*;
 
 use super::likelihood::Observation;
-use super::smooth::Reading;
+use super::reading::{self, Reading};
 use super::state::{BodySpace, BodyState};
 use super::tracker::{Scene, Tracker, TrackerState};
 use crate::run_folder::FrameRecord;
 
 /// Share of a mode's fit that is carried on from the frames before: it looks back over some ten frames.
 const FIT_MEMORY: f64 = 0.9;
-/// Difference in fit (log-likelihood) at which a mode's weight falls by the factor e. The overlap of a right pose varies
-/// by one or two hundredths, two units at the default sharpness.
-pub(super) const FIT_SCALE: f64 = 2.0;
-/// Modes whose pelvis is turned further than this from the best one's are no reading of the same pose; their mean is none.
-pub(super) const SAME_READING_RAD: f64 = 1.0;
 
 /// Trackers of one person, best first or not.
 pub struct Modes {
@@ -168,13 +163,14 @@ impl Modes {
     /// One record of the modes' records: the best mode's, its pose replaced by the weighted mean of the poses.
     fn combine(&mut self, records: Vec<FrameRecord>) -> anyhow::Result<FrameRecord> {
         let best = self.best();
-        let weights = self.weights(&records, best)?;
+        let states: Vec<BodyState> =
+            records.iter().map(|record| self.space.state_from_pose(&record.pose)).collect();
+        let log_weights: Vec<f64> = self.modes.iter().map(|mode| reading::log_weight(mode.fit)).collect();
+        let weights = reading::weights(&states, &log_weights, best);
         let mut record = records[best].clone();
         if weights.as_slice()[best] == 1.0 {
             return Ok(record);
         }
-        let states: Vec<BodyState> =
-            records.iter().map(|record| self.space.state_from_pose(&record.pose)).collect();
         let tracker = &mut self.modes[best].tracker;
         record.pose = self.space.pose(&weighted_mean(&self.space, &states, &weights));
         record.joints_world = tracker.joints_world(&record.pose);
@@ -183,18 +179,6 @@ impl Modes {
             record.iou = tracker.iou(&record.pose)?;
         }
         Ok(record)
-    }
-
-    /// Weights of the modes: by their fit, none for another reading than the best one's.
-    fn weights(&self, records: &[FrameRecord], best: usize) -> anyhow::Result<NormalizedWeights> {
-        let turn_rad = |pose: &Pose| pose.root_orientation.angle_between(records[best].pose.root_orientation);
-        let weights = self.modes.iter().zip(records).map(|(mode, record)| {
-            if turn_rad(&record.pose) > SAME_READING_RAD {
-                return 0.0;
-            }
-            ((mode.fit - self.modes[best].fit) / FIT_SCALE).exp()
-        });
-        Ok(NormalizedWeights::from_linear(weights.collect())?)
     }
 }
 

@@ -16,27 +16,16 @@ use pf_core::scratch::with_buffer;
 use pf_core::{Gaussian, NormalizedWeights, StateSpace as _};
 use silhouette::Mask;
 
-use super::modes::{FIT_SCALE, SAME_READING_RAD};
 use super::overlap::BodyOverlap;
+use super::reading::{Reading, is_same_way, log_weight, weights};
 use super::state::{BodySpace, BodyState};
 use crate::run_folder::FrameRecord;
 
 /// Weight of a frame next to one, for a state that is seen with as much noise as it moves: the root in (0, 1) of
 /// rho + 1/rho = 2 + (step / noise)².
 const RHO: f64 = 0.382;
-/// The fit of a reading that explains nothing, in place of -∞.
-const LEAST_FIT: f64 = -1e6;
 /// Frames further away than this weigh less than a thousandth.
 const REACH: usize = 7;
-
-/// What one filter makes of a frame.
-#[derive(Clone, Copy, Debug)]
-pub struct Reading {
-    /// Its estimate.
-    pub state: BodyState,
-    /// ln p(mask|state) at its best; the same for all on a frame without a mask.
-    pub fit: f64,
-}
 
 /// A frame with its readings.
 pub struct ReadFrame {
@@ -89,7 +78,7 @@ impl Smoother {
         let forward: Vec<f64> = arrived
             .iter()
             .zip(&frame.readings)
-            .map(|(arrived, reading)| arrived + log_emission(reading))
+            .map(|(arrived, reading)| arrived + log_weight(reading.fit))
             .collect();
         let total = log_sum_exp(&forward);
         self.held.push_back((frame, forward.iter().map(|log| log - total).collect()));
@@ -131,7 +120,7 @@ impl Smoother {
                     .map(|from| {
                         let ways = next.readings.iter().zip(backward);
                         let ways: Vec<f64> = ways
-                            .map(|(to, backward)| self.log_step(from, to) + log_emission(to) + backward)
+                            .map(|(to, backward)| self.log_step(from, to) + log_weight(to.fit) + backward)
                             .collect();
                         log_sum_exp(&ways)
                     })
@@ -149,16 +138,8 @@ impl Smoother {
     fn mean(&self, readings: &[Reading], log_posterior: &[f64]) -> BodyState {
         let best = (0..readings.len())
             .fold(0, |best, k| if log_posterior[k] > log_posterior[best] { k } else { best });
-        let weights = readings.iter().zip(log_posterior).map(|(reading, log)| {
-            if is_same_reading(&reading.state, &readings[best].state) {
-                (log - log_posterior[best]).exp()
-            } else {
-                0.0
-            }
-        });
-        let weights = NormalizedWeights::from_linear(weights.collect()).expect("the best reading weighs 1");
         let states: Vec<BodyState> = readings.iter().map(|reading| reading.state).collect();
-        weighted_mean(&self.space, &states, &weights)
+        weighted_mean(&self.space, &states, &weights(&states, log_posterior, best))
     }
 
     /// The first of `ahead`, smoothed by its neighbours on both sides as far as they are the same reading.
@@ -168,7 +149,7 @@ impl Smoother {
         let before: Vec<&BodyState> = self.past.iter().rev().take(REACH).collect();
         let after: Vec<&BodyState> = ahead[1..].iter().take(REACH).collect();
         for side in [before, after] {
-            let same = side.into_iter().take_while(|state| is_same_reading(state, &here));
+            let same = side.into_iter().take_while(|state| is_same_way(state, &here));
             for (distance, state) in (1..).zip(same) {
                 states.push(*state);
                 weights.push(RHO.powi(distance));
@@ -185,15 +166,6 @@ impl Smoother {
             self.step.log_density(delta)
         })
     }
-}
-
-fn is_same_reading(a: &BodyState, b: &BodyState) -> bool {
-    a.orientation.angle_between(b.orientation) <= SAME_READING_RAD
-}
-
-/// ln of how well a reading explains its frame; fits of a frame and the next share most of their errors.
-fn log_emission(reading: &Reading) -> f64 {
-    reading.fit.max(LEAST_FIT) / FIT_SCALE
 }
 
 #[cfg(test)]

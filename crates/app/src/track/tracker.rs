@@ -1,6 +1,7 @@
-//! The top-down tracker: one annealed particle filter over the body's state, frame after frame.
+//! The tracker: one annealed particle filter over the body's state, frame after frame.
 
 use std::f64::consts::TAU;
+use std::iter::once;
 use std::sync::Arc;
 
 use anyhow::Context as _;
@@ -25,6 +26,7 @@ use super::moves::BodyMoves;
 use super::overlap::BodyOverlap;
 use super::pose_model::{PoseModel, STEP_RATE_HZ};
 use super::proposal::{BodyProposal, Transition};
+use super::reading::{self, Reading};
 use super::refine::Refiner;
 use super::start::place_upright;
 use super::state::{BodySpace, BodyState, RIGID_DIM, blank_pose};
@@ -53,6 +55,8 @@ const STREAM_SHIFT: u32 = 48;
 const LOST_IOU: f64 = 0.4;
 /// Frames under that overlap in a row that make a loss.
 const LOST_FRAMES: u32 = 5;
+/// Modes of a prediction that are taken to the outline beside the mean of the particles.
+const N_RIVALS: usize = 2;
 
 type BodyFilter = Filter<BodySpace, BodyProposal>;
 
@@ -447,8 +451,8 @@ impl Tracker {
                 .map(|last| (last.unique_ancestors as u64, view.log_evidence, last.max_log_likelihood)),
             Step::Lost(_) => None,
         };
-        self.refine(seen)?;
-        let mut estimate = self.estimate(Status::Tracked);
+        let answer = self.read(seen)?;
+        let mut estimate = self.estimate(Status::Tracked, &answer);
         estimate.iou = self.iou(&estimate.pose)?;
         (estimate.unique_ancestors, estimate.log_evidence, self.fit) =
             figures.unwrap_or((0, f64::NEG_INFINITY, f64::NEG_INFINITY));
@@ -460,28 +464,57 @@ impl Tracker {
         Ok(estimate)
     }
 
-    /// Takes the estimate to the outline of the mask and the particles along with it, where that explains the mask better.
-    fn refine(&mut self, seen: &Observation) -> anyhow::Result<()> {
+    /// The answer of a frame, of what the particles and, in a [joint](Method::Jpf) filter, the predictor make of it. The particles
+    /// go along with the reading that explains the mask best.
+    fn read(&mut self, seen: &Observation) -> anyhow::Result<BodyState> {
+        let mean = self.mean();
+        let readings = self.readings(seen, mean)?;
+        let leader = reading::leader(&readings);
+        if readings[leader].state != mean {
+            self.carry(&mean, &readings[leader].state)?;
+        }
+        let has_rivals = readings.len() > 1;
+        Ok(if has_rivals { reading::mean(self.filter.space(), &readings, leader) } else { self.mean() })
+    }
+
+    /// The `mean` of the particles, taken to the outline of the mask where that explains it better, and after it the likeliest
+    /// poses of the predictor, taken there likewise.
+    fn readings(&mut self, seen: &Observation, mean: BodyState) -> anyhow::Result<Vec<Reading>> {
         let steps = self.scene.params.refine_steps as usize;
         let (Some(refiner), Some(outline)) = (self.scene.refiner.as_deref(), &seen.outline) else {
-            return Ok(());
+            return Ok(vec![Reading { state: mean, fit: self.fit }]);
         };
-        let space = self.filter.space().clone();
-        let mean = weighted_mean(&space, self.filter.particles(), self.filter.weights());
-        let pose = refiner.refine(&self.scene.camera, outline, &space.pose(&mean), steps);
-        let states = [mean, space.state_from_pose(&pose)];
-        let mut log_likelihoods = [0.0; 2];
-        self.likelihood.log_likelihoods(seen, &states, &mut log_likelihoods)?;
-        let [before, after] = log_likelihoods;
-        if after > before {
-            let mut state = self.filter.checkpoint();
-            with_buffer(space.dim(), |delta| {
-                space.local(&states[0], &states[1], delta);
-                state.particles.iter_mut().for_each(|particle| space.retract(particle, delta));
-            });
-            self.filter.restore(state)?;
-        }
-        Ok(())
+        let n_rivals = if self.scene.params.method == Method::Jpf { N_RIVALS } else { 0 };
+        let rivals = seen.cue.iter().flat_map(Cue::modes).take(n_rivals);
+        let begun: Vec<BodyState> =
+            once(mean).chain(rivals.map(|mode| BodyState { position: mean.position, ..*mode })).collect();
+        let (space, camera) = (self.filter.space(), &self.scene.camera);
+        let refine = |state: &BodyState| {
+            space.state_from_pose(&refiner.refine(camera, outline, &space.pose(state), steps))
+        };
+        let refined: Vec<BodyState> = begun.par_iter().map(refine).collect();
+        let states: Vec<BodyState> = once(mean).chain(refined).collect();
+        let mut fits = vec![0.0; states.len()];
+        self.likelihood.log_likelihoods(seen, &states, &mut fits)?;
+        let own = usize::from(fits[1] > fits[0]);
+        let kept = once(own).chain(2..states.len());
+        Ok(kept.map(|index| Reading { state: states[index], fit: fits[index] }).collect())
+    }
+
+    /// The weighted mean of the particles.
+    fn mean(&self) -> BodyState {
+        weighted_mean(self.filter.space(), self.filter.particles(), self.filter.weights())
+    }
+
+    /// Moves every particle by what leads from one state to the other.
+    fn carry(&mut self, from: &BodyState, to: &BodyState) -> anyhow::Result<()> {
+        let mut state = self.filter.checkpoint();
+        let space = self.filter.space();
+        with_buffer(space.dim(), |delta| {
+            space.local(from, to, delta);
+            state.particles.iter_mut().for_each(|particle| space.retract(particle, delta));
+        });
+        Ok(self.filter.restore(state)?)
     }
 
     /// A frame that shows nobody: the particles spread as the motion does.
@@ -499,14 +532,14 @@ impl Tracker {
             description: None,
         })?;
         let is_short = self.unseen <= self.scene.params.coast_frames;
-        Ok(self.estimate(if is_short { Status::Coasting } else { Status::Lost }))
+        Ok(self.estimate(if is_short { Status::Coasting } else { Status::Lost }, &self.mean()))
     }
 
-    /// The weighted mean of the particles as a pose, without what only a mask tells.
-    fn estimate(&self, status: Status) -> FrameRecord {
+    /// The record of an answer, with the spread of the particles about it, without what only a mask tells.
+    fn estimate(&self, status: Status, answer: &BodyState) -> FrameRecord {
         let (space, body) = (self.filter.space(), &self.scene.body);
         let (states, weights) = (self.filter.particles(), self.filter.weights());
-        let pose = space.pose(&weighted_mean(space, states, weights));
+        let pose = space.pose(answer);
         let joints_world = body.joints_world(&pose);
         let mut variance_m2 = [0.0; N_JOINTS];
         let mut particle = blank_pose();
