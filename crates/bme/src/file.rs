@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 use crate::linalg::Symmetric;
 use crate::mixture::View;
 use crate::rvm::{Memory, Remembered, SparseFunction};
+use crate::{Decoder, MixtureOfExperts, Rvm, RvmClassifier, SpectralLatentModel};
 use crate::{Gaussian, HierarchicalMixture, Inputs, InputsError, Kernel, KernelError, MixtureDensity};
-use crate::{MixtureOfExperts, Rvm, RvmClassifier, SpectralLatentModel};
 
 /// The layout of the structs of this module; files of another one are refused.
 pub const FILE_VERSION: u32 = 1;
@@ -171,7 +171,9 @@ pub struct DensityFile {
 pub struct LatentFile {
     /// Prior over latent points.
     pub prior: DensityFile,
-    /// Latent points to outputs.
+    /// Latent points to outputs: the plane, row after row, and
+    pub slopes: Vec<f64>,
+    /// what it leaves.
     pub decoder: RvmFile,
     /// Outputs to latent points.
     pub encoder: RvmFile,
@@ -465,7 +467,8 @@ impl From<&SpectralLatentModel> for LatentFile {
     fn from(model: &SpectralLatentModel) -> Self {
         Self {
             prior: (&model.prior).into(),
-            decoder: (&model.decoder).into(),
+            slopes: model.decoder.slopes.clone(),
+            decoder: (&model.decoder.kernels).into(),
             encoder: (&model.encoder).into(),
         }
     }
@@ -476,12 +479,15 @@ impl TryFrom<LatentFile> for SpectralLatentModel {
 
     fn try_from(file: LatentFile) -> Result<Self, ModelFileError> {
         let prior = MixtureDensity::try_from(file.prior)?;
-        let decoder = Rvm::try_from(file.decoder)?;
+        let kernels = Rvm::try_from(file.decoder)?;
         let encoder = Rvm::try_from(file.encoder)?;
-        same_length("prior", prior.dim(), decoder.kernel.dim())?;
-        same_length("outputs", encoder.outputs.len(), decoder.kernel.dim())?;
-        same_length("kernel", encoder.kernel.dim(), decoder.outputs.len())?;
-        Ok(Self { prior, decoder, encoder })
+        let (latent_dim, output_dim) = (kernels.kernel.dim(), kernels.outputs.len());
+        same_length("prior", prior.dim(), latent_dim)?;
+        same_length("slopes", file.slopes.len(), latent_dim * output_dim)?;
+        all_finite("slopes", &file.slopes)?;
+        same_length("outputs", encoder.outputs.len(), latent_dim)?;
+        same_length("kernel", encoder.kernel.dim(), output_dim)?;
+        Ok(Self { prior, decoder: Decoder { slopes: file.slopes, kernels }, encoder })
     }
 }
 

@@ -54,7 +54,7 @@ pub use design::Design;
 pub use inputs::{Inputs, InputsError};
 pub use kernel::{Kernel, KernelError};
 pub use kmeans::Clusters;
-pub use latent::{LatentConfig, LatentConfigError, LatentError, LatentParams, SpectralLatentModel};
+pub use latent::{Decoder, LatentConfig, LatentConfigError, LatentError, LatentParams, SpectralLatentModel};
 pub use linalg::log_sum_exp;
 pub use mixture::{
     EmReport, HierarchicalConfig, HierarchicalDensity, HierarchicalMixture, HierarchicalParams,

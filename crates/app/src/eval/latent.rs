@@ -127,9 +127,9 @@ fn row(
 /// Errors of one pose, degrees, by latent coordinates and by components; squared errors of the coordinates one frame later, as
 /// expected and as they were.
 fn try_pair(latent: &LatentPoses, prior: &PosePrior, pair: &[&[f64]; 2]) -> [f64; 4] {
-    let [from, to] = pair.map(|angles| latent.coordinates(angles));
+    let [from, to] = pair.map(|angles| latent.coordinates_in_motion(angles));
     let mut angles = vec![0.0; N_DOF];
-    latent.angles_into(&from, &mut angles);
+    latent.angles_into(&latent.coordinates(pair[0]), &mut angles);
     let off_deg = |angles: &[f64]| mean(angles.iter().zip(pair[0]).map(|(a, b)| (a - b).abs().to_degrees()));
     let (mut step, mut variance) = (vec![0.0; from.len()], vec![0.0; from.len()]);
     latent.dynamics().step_into(&from, &mut step, &mut variance);

@@ -14,7 +14,7 @@ use super::dynamics::{DynamicsFile, LatentDynamics};
 
 const MAGIC: &str = "UMBRALAT";
 /// Version of the file that this build reads and writes.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Settings that make small models: a pose has many angles, and each has bases of its own.
 fn config(n_dims: usize) -> LatentConfig {
@@ -94,8 +94,13 @@ impl LatentPoses {
         with_buffer(decoder.n_features(), |room| decoder.mean_into(coordinates, room, angles));
     }
 
-    /// The coordinates that most likely lie behind joint angles, `[n_dof]`.
+    /// The coordinates whose joint angles come nearest to `angles`, `[n_dof]`.
     pub fn coordinates(&self, angles: &[f64]) -> Vec<f64> {
+        self.model.nearest(angles)
+    }
+
+    /// The coordinates that most likely lie behind joint angles, `[n_dof]`, of a motion whose steps [`Self::dynamics`] know.
+    pub fn coordinates_in_motion(&self, angles: &[f64]) -> Vec<f64> {
         self.model.encode(angles).mean
     }
 

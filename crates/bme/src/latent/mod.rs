@@ -1,9 +1,11 @@
 //! The spectral latent variable model: few coordinates for many outputs, with maps both ways.
 
 mod components;
+mod decoder;
 mod embedding;
 
 use components::fit_components;
+pub use decoder::Decoder;
 use embedding::laplacian_eigenmaps;
 
 use crate::cross_validation::{Split, choose, kernels_by_spread};
@@ -30,8 +32,8 @@ pub struct LatentConfig {
     pub n_components: usize,
     /// Most rows of the spectral embedding, drawn by `seed`; the others are placed by the encoder.
     pub max_landmarks: usize,
-    /// Rounds in which the latent points are moved to where the decoder explains their outputs best; the encoder stays
-    /// that of the embedding, a loose guess for [`SpectralLatentModel::encode`] to begin from.
+    /// Rounds in which the latent points are moved to where the decoder explains their outputs best, before the encoder learns
+    /// them.
     pub refinements: usize,
     /// Seed of landmarks, held-out rows and components.
     pub seed: u64,
@@ -155,7 +157,7 @@ pub enum LatentError {
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpectralLatentModel {
     pub(crate) prior: MixtureDensity,
-    pub(crate) decoder: Rvm,
+    pub(crate) decoder: Decoder,
     pub(crate) encoder: Rvm,
 }
 
@@ -179,21 +181,22 @@ impl SpectralLatentModel {
             .ok_or(LatentError::Spectrum)?;
         let mut points =
             Inputs::from_rows(config.n_dims, points.into_iter().flatten()).map_err(LatentError::Points)?;
-        let encoder = fit_map(&landmarks, &points, None, params)?;
-        let mut decoder = fit_map(&points, &landmarks, None, params)?;
+        let mut decoder = Decoder::fit(&points, &landmarks, None, params)?;
+        let wide = unit_normal(config.n_dims);
         for _ in 0..config.refinements {
-            let moved =
-                (0..landmarks.len()).flat_map(|i| encode(&encoder, &decoder, &landmarks.row_f64(i)).mean);
+            let moved = (0..landmarks.len())
+                .flat_map(|i| posterior(&decoder, &landmarks.row_f64(i), &wide, points.row_f64(i)).mean);
             points = Inputs::from_rows(config.n_dims, moved).map_err(LatentError::Points)?;
-            decoder = fit_map(&points, &landmarks, Some(decoder.kernel().clone()), params)?;
+            decoder = Decoder::fit(&points, &landmarks, Some(decoder.kernel().clone()), params)?;
         }
+        let encoder = fit_map(&landmarks, &points, None, params)?;
         let prior = fit_components(&points, config.n_components, config.seed);
         Ok(Self { prior, decoder, encoder })
     }
 
     /// The length of a latent point.
     pub fn latent_dim(&self) -> usize {
-        self.decoder.input_dim()
+        self.decoder.latent_dim()
     }
 
     /// The length of an output.
@@ -206,8 +209,8 @@ impl SpectralLatentModel {
         &self.prior
     }
 
-    /// p(y | x), with the uncertainty of the map.
-    pub fn decoder(&self) -> &Rvm {
+    /// p(y | x).
+    pub fn decoder(&self) -> &Decoder {
         &self.decoder
     }
 
@@ -216,15 +219,30 @@ impl SpectralLatentModel {
     /// # Panics
     /// When `x` has the wrong length.
     pub fn decode(&self, x: &[f64]) -> Vec<f64> {
-        self.decoder.mean(x)
+        let mut mean = vec![0.0; self.output_dim()];
+        self.decoder.mean_into(x, &mut vec![0.0; self.decoder.n_features()], &mut mean);
+        mean
     }
 
-    /// p(x | y): normal about the most likely point, found from the inverse map's answer, which is the prior here.
+    /// p(x | y): normal about the most likely point, found from the inverse map's answer, which is the prior here. It goes on
+    /// evenly from one frame of a motion to the next; for outputs such as no training has shown, the inverse map is too sure,
+    /// and [`Self::nearest`] keeps more of them.
     ///
     /// # Panics
     /// When `y` has the wrong length.
     pub fn encode(&self, y: &[f64]) -> Gaussian {
-        encode(&self.encoder, &self.decoder, y)
+        let mut prior = Gaussian::default();
+        self.encoder.predict(y, &mut prior);
+        let start = prior.mean.clone();
+        posterior(&self.decoder, y, &prior, start)
+    }
+
+    /// The point whose output is most like `y`, under a prior as wide as the embedding: unit variance.
+    ///
+    /// # Panics
+    /// When `y` has the wrong length.
+    pub fn nearest(&self, y: &[f64]) -> Vec<f64> {
+        posterior(&self.decoder, y, &unit_normal(self.latent_dim()), self.encode(y).mean).mean
     }
 }
 
@@ -266,10 +284,13 @@ fn fit_map(
     fit(&kernel, &all).map_err(LatentError::Map)
 }
 
-/// The mode of N(y | decoder(x), σ²) N(x | encoder(y)) by Levenberg-Marquardt, and the curvature there as variance.
-fn encode(encoder: &Rvm, decoder: &Rvm, y: &[f64]) -> Gaussian {
-    let mut prior = Gaussian::default();
-    encoder.predict(y, &mut prior);
+/// What the points of an embedding are together.
+fn unit_normal(dim: usize) -> Gaussian {
+    Gaussian { mean: vec![0.0; dim], variance: vec![1.0; dim] }
+}
+
+/// The mode of N(y | decoder(x), σ²) p(x) by Levenberg-Marquardt from `start`, and the curvature there as variance.
+fn posterior(decoder: &Decoder, y: &[f64], prior: &Gaussian, start: Vec<f64>) -> Gaussian {
     let noise = decoder.noise_variance();
     let cost = |x: &[f64], decoded: &[f64]| -> f64 {
         let fit: f64 = y.iter().zip(decoded).zip(&noise).map(|((a, b), v)| (a - b).powi(2) / v).sum();
@@ -277,8 +298,8 @@ fn encode(encoder: &Rvm, decoder: &Rvm, y: &[f64]) -> Gaussian {
             x.iter().zip(&prior.mean).zip(&prior.variance).map(|((a, b), v)| (a - b).powi(2) / v).sum();
         fit + away
     };
-    let dim = prior.mean.len();
-    let mut x = prior.mean.clone();
+    let dim = start.len();
+    let mut x = start;
     let (mut decoded, mut jacobian) = decoder.mean_and_jacobian(&x);
     let mut damping = 1e-2;
     let mut information = Symmetric::default();
@@ -316,7 +337,7 @@ fn encode(encoder: &Rvm, decoder: &Rvm, y: &[f64]) -> Gaussian {
             let covariance = factor.inverse();
             (0..dim).map(|i| covariance.diagonal(i)).collect()
         }
-        None => prior.variance,
+        None => prior.variance.clone(),
     };
     Gaussian { mean: x, variance }
 }

@@ -1,4 +1,4 @@
-use rand::Rng;
+use rand::{Rng, RngExt as _};
 use rand_distr::{Distribution, StandardNormal};
 
 use super::*;
@@ -40,6 +40,24 @@ fn poses_it_has_not_seen_come_back() {
     // The noise alone has a mean absolute value of 0.008 rad; 0.02 rad is 1.1 degrees.
     assert!(error < 0.02, "mean absolute error {error} rad");
     assert_eq!((model.latent_dim(), model.output_dim()), (3, 20));
+}
+
+#[test]
+fn a_posture_that_nobody_held_is_kept() {
+    // Sheets of two coordinates: a bent one, and a lean that the training knows up to 1.
+    let row = |bend: f64, lean: f64| -> Vec<f64> {
+        (0..12).map(|d| f64::from(d)).map(|d| 0.3 * (bend + d).sin() + lean * (0.4 * d).cos()).collect()
+    };
+    let mut rng = stream(6, Purpose::Components);
+    let outputs = (0..300).flat_map(|_| row(rng.random_range(0.0..3.0), rng.random_range(-1.0..1.0)));
+    let model = fit(&Inputs::from_rows(12, outputs).unwrap());
+    let y = row(1.0, 1.8);
+    let off = |decoded: &[f64]| decoded.iter().zip(&y).map(|(a, b)| (a - b).abs()).sum::<f64>() / 12.0;
+    let nearest = off(&model.decode(&model.nearest(&y)));
+    // Kernels alone end where the training does.
+    let edge = off(&row(1.0, 1.0));
+    assert!(nearest < 0.5 * edge, "off by {nearest}, the edge of the training by {edge}");
+    assert!(nearest <= off(&model.decode(&model.encode(&y).mean)) + 1e-9);
 }
 
 #[test]
@@ -94,6 +112,6 @@ fn a_small_file_decodes_and_encodes_as_before() {
     assert_eq!(small.encode(&y).mean, model.encode(&y).mean);
     assert_eq!(small.decode(&[0.1, 0.2, 0.3]), model.decode(&[0.1, 0.2, 0.3]));
     let (mut room, mut mean, mut variance) = (vec![0.0; small.decoder.n_features()], [0.0; 20], [0.0; 20]);
-    small.decoder.predict_into(&[0.1, 0.2, 0.3], &mut room, &mut mean, &mut variance);
+    small.decoder.kernels.predict_into(&[0.1, 0.2, 0.3], &mut room, &mut mean, &mut variance);
     assert_eq!(variance.to_vec(), small.decoder.noise_variance());
 }
