@@ -46,7 +46,7 @@ fn poses_it_has_not_seen_come_back() {
 fn a_posture_that_nobody_held_is_kept() {
     // Sheets of two coordinates: a bent one, and a lean that the training knows up to 1.
     let row = |bend: f64, lean: f64| -> Vec<f64> {
-        (0..12).map(|d| f64::from(d)).map(|d| 0.3 * (bend + d).sin() + lean * (0.4 * d).cos()).collect()
+        (0..12).map(f64::from).map(|d| 0.3 * (bend + d).sin() + lean * (0.4 * d).cos()).collect()
     };
     let mut rng = stream(6, Purpose::Components);
     let outputs = (0..300).flat_map(|_| row(rng.random_range(0.0..3.0), rng.random_range(-1.0..1.0)));
