@@ -160,11 +160,11 @@ impl Modes {
         self.modes.iter().map(|mode| &mode.tracker)
     }
 
-    /// One record of the modes' records: the best mode's, its pose replaced by the weighted mean of the poses.
+    /// One record of the modes' records, whose poses are those of the readings: the best mode's, its pose replaced by the
+    /// weighted mean of the poses.
     fn combine(&mut self, records: Vec<FrameRecord>) -> anyhow::Result<FrameRecord> {
         let best = self.best();
-        let states: Vec<BodyState> =
-            records.iter().map(|record| self.space.state_from_pose(&record.pose)).collect();
+        let states: Vec<BodyState> = self.readings.iter().map(|reading| reading.state).collect();
         let log_weights: Vec<f64> = self.modes.iter().map(|mode| reading::log_weight(mode.fit)).collect();
         let weights = reading::weights(&states, &log_weights, best);
         let mut record = records[best].clone();

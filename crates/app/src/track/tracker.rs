@@ -451,11 +451,13 @@ impl Tracker {
                 .map(|last| (last.unique_ancestors as u64, view.log_evidence, last.max_log_likelihood)),
             Step::Lost(_) => None,
         };
-        let answer = self.read(seen)?;
-        let mut estimate = self.estimate(Status::Tracked, &answer);
-        estimate.iou = self.iou(&estimate.pose)?;
-        (estimate.unique_ancestors, estimate.log_evidence, self.fit) =
+        let (unique_ancestors, log_evidence, fit) =
             figures.unwrap_or((0, f64::NEG_INFINITY, f64::NEG_INFINITY));
+        self.fit = fit;
+        let answer = self.read(seen)?;
+        let estimate = self.estimate(Status::Tracked, &answer);
+        let iou = self.iou(&estimate.pose)?;
+        let mut estimate = FrameRecord { iou, unique_ancestors, log_evidence, ..estimate };
         let is_explained = figures.is_some() && estimate.iou >= LOST_IOU;
         self.badly_explained = if is_explained { 0 } else { self.badly_explained + 1 };
         if self.badly_explained >= LOST_FRAMES || figures.is_none() {
