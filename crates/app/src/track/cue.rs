@@ -22,14 +22,17 @@ const SURE_SHARE: f64 = 0.6;
 /// Coordinates of the pelvis's place, which come first; a mask alone says nothing of it.
 const N_PLACE: usize = 3;
 
-/// p_B(x|r) as a kernel density: poses drawn from the predictor's mixture of experts, each with the noise of one step of
-/// the motion about it. So it is a density over the same coordinates as the motion prior's, and the two can be mixed.
+/// p_B(x|r) as a kernel density: poses drawn from the predictor's mixture of experts, and noise about each. Where particles
+/// come from it, the noise is that of one step: so it is a density over the same coordinates as the motion prior's, and the
+/// two can be mixed. Where particles are judged by it, the kernels are as wide as few draws in many dimensions need.
 #[derive(Clone, Debug)]
 pub struct Cue {
     /// Orientations and pose coordinates; their positions mean nothing.
     centres: Vec<BodyState>,
     /// The highest modes, highest first; likewise.
     modes: Vec<BodyState>,
+    /// Kernels of the density as evidence.
+    kernel: Gaussian,
 }
 
 impl Cue {
@@ -48,7 +51,12 @@ impl Cue {
             |viewed: &crate::predict::ViewedPose| space.state_from_pose(&viewed.pose(camera_centre, sight));
         let centres = (0..N_CENTRES).map(|_| state(&density.sample(rng))).collect();
         let modes = density.modes(N_MODES).iter().map(|mode| state(&mode.pose)).collect();
-        Some(Self { centres, modes })
+        Some(Self::from_draws(space, centres, modes))
+    }
+
+    fn from_draws(space: &BodySpace, centres: Vec<BodyState>, modes: Vec<BodyState>) -> Self {
+        let kernel = kernel(space, &centres, &modes);
+        Self { centres, modes, kernel }
     }
 
     /// The highest modes, highest first; positions mean nothing.
@@ -68,8 +76,13 @@ impl Cue {
         self.centres.iter().filter(near).count() as f64 / self.centres.len() as f64
     }
 
+    /// ln p_B of the orientation and pose of `state`, with the kernels of evidence.
+    pub fn log_evidence(&self, space: &BodySpace, state: &BodyState) -> f64 {
+        self.log_density(space, state, &self.kernel)
+    }
+
     /// ln p_B of the orientation and pose of `state`, with kernels of `noise` over all coordinates but the place.
-    pub fn log_density(&self, space: &BodySpace, state: &BodyState, noise: &Gaussian) -> f64 {
+    fn log_density(&self, space: &BodySpace, state: &BodyState, noise: &Gaussian) -> f64 {
         pf_core::scratch::with_buffer(space.dim(), |delta| {
             let mut largest = f64::NEG_INFINITY;
             let mut sum = 0.0;
@@ -87,6 +100,44 @@ impl Cue {
             largest + (sum / self.centres.len() as f64).ln()
         })
     }
+}
+
+/// Kernels for a density given by `centres`: as wide as Silverman's rule `[Silverman1986]` has it for their spread about the
+/// mode that each faces like, and a step of the motion at least.
+fn kernel(space: &BodySpace, centres: &[BodyState], modes: &[BodyState]) -> Gaussian {
+    let [dim, n] = [space.dim() - N_PLACE, centres.len()].map(|count| count as f64);
+    let factor = (4.0 / ((dim + 2.0) * n)).powf(1.0 / (dim + 4.0));
+    let (rigid, latent) = (space.model().rigid_step_sd(), space.model().step_sd());
+    let steps = rigid.iter().chain(latent);
+    let spread = variance_within_modes(space, centres, modes);
+    let sd = spread.iter().zip(steps).map(|(variance, step)| (factor * variance.sqrt()).hypot(*step)).collect();
+    Gaussian::diagonal(sd).expect("draws are finite, and steps above zero")
+}
+
+/// Variance of the coordinates of `centres` but the place about the mean of those that face like the same mode, `[dim]`.
+fn variance_within_modes(space: &BodySpace, centres: &[BodyState], modes: &[BodyState]) -> Vec<f64> {
+    let dim = space.dim();
+    let turn = |a: &BodyState, b: &BodyState| a.orientation.angle_between(b.orientation);
+    let mut offsets: Vec<Vec<Vec<f64>>> = vec![Vec::new(); modes.len()];
+    for centre in centres {
+        let near = (0..modes.len())
+            .min_by(|&a, &b| turn(&modes[a], centre).total_cmp(&turn(&modes[b], centre)));
+        if let Some(mode) = near {
+            let mut offset = vec![0.0; dim];
+            space.local(&modes[mode], centre, &mut offset);
+            offset[..N_PLACE].fill(0.0);
+            offsets[mode].push(offset);
+        }
+    }
+    let squares = |coordinate: usize| {
+        let of_mode = |offsets: &Vec<Vec<f64>>| {
+            let values = || offsets.iter().map(|offset| offset[coordinate]);
+            let mean = values().sum::<f64>() / offsets.len().max(1) as f64;
+            values().map(|value| (value - mean).powi(2)).sum::<f64>()
+        };
+        offsets.iter().map(of_mode).sum::<f64>()
+    };
+    (0..dim).map(|coordinate| squares(coordinate) / centres.len() as f64).collect()
 }
 
 /// Draws from the cue of the frame: the place from the motion, everything else from the prediction. Without a cue, from
@@ -178,7 +229,7 @@ mod tests {
         let sd: Vec<f64> = (0..space.dim()).map(|i| 0.01 + 0.001 * i as f64).collect();
         let noise = Gaussian::diagonal(sd.clone()).expect("the deviations are positive");
         let centre = facing(&space, 0.3);
-        let cue = Cue { centres: vec![centre], modes: vec![centre] };
+        let cue = Cue::from_draws(&space, vec![centre], vec![centre]);
         let frame = Observation {
             mask: Mask::new(8, 8),
             cue: Some(cue),
@@ -198,11 +249,36 @@ mod tests {
     }
 
     #[test]
+    fn kernels_of_evidence_are_as_wide_as_the_draws_spread_about_their_modes() {
+        let space = space();
+        let modes = [0.0, 3.0].map(|heading| facing(&space, heading));
+        let bend = RIGID_DIM + 20;
+        // Two modes far apart; about each, one coordinate swings by 0.4 either way.
+        let draw = |mode: &BodyState, by: f64| {
+            let mut delta = vec![0.0; space.dim()];
+            delta[bend] = by;
+            let mut state = *mode;
+            space.retract(&mut state, &delta);
+            state
+        };
+        let centres: Vec<BodyState> =
+            modes.iter().flat_map(|mode| [-0.4, 0.4].map(|by| draw(mode, by))).collect();
+        let variance = variance_within_modes(&space, &centres, &modes);
+        let mut expected = vec![0.0; space.dim()];
+        expected[bend] = 0.16;
+        assert!(variance.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-9), "{variance:?}");
+        // Between the two draws of a mode the evidence is that of either, nearly; far from both it is little.
+        let cue = Cue::from_draws(&space, centres, modes.to_vec());
+        let evidence = |by: f64| cue.log_evidence(&space, &draw(&modes[0], by));
+        assert!((evidence(0.0) - evidence(0.4)).abs() < 0.7 && evidence(1.6) < evidence(0.0) - 3.0);
+    }
+
+    #[test]
     fn only_a_prediction_that_is_sure_of_a_way_agrees_or_not() {
         let space = space();
         let cue = |headings: &[f64]| {
             let centres: Vec<BodyState> = headings.iter().map(|&heading| facing(&space, heading)).collect();
-            Cue { modes: centres.clone(), centres }
+            Cue::from_draws(&space, centres.clone(), centres)
         };
         let sure = cue(&[0.0, 0.1, 0.2, 3.0]);
         assert_eq!(sure.agreement(&facing(&space, 0.05)), Some(0.75));

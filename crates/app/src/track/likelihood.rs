@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use body::Pose;
 use glam::{DVec2, DVec3};
-use pf_core::{Gaussian, Likelihood};
+use pf_core::Likelihood;
 use rayon::prelude::*;
 use render_gpu::ScoreError;
 use silhouette::Mask;
@@ -44,30 +44,22 @@ pub struct SilhouetteLikelihood {
     sharpness: f64,
     prior_weight: f64,
     travel_weight: f64,
-    cue: Option<CueTerm>,
+    /// Exponent b of the cue's density, 0 to 1; the silhouette's is 1 - b.
+    cue_exponent: Option<f64>,
     poses: Vec<Pose>,
 }
 
-/// The part of the cue in a joint likelihood.
-#[derive(Clone, Debug)]
-pub struct CueTerm {
-    /// Exponent b of the cue's density, 0 to 1; the silhouette's is 1 - b.
-    pub exponent: f64,
-    /// Kernel of the density.
-    pub noise: Gaussian,
-}
-
 impl SilhouetteLikelihood {
-    /// The likelihood of masks under the bodies of `overlap`, joined with the cue where `cue` says how.
+    /// The likelihood of masks under the bodies of `overlap`, joined with the cue to the power `cue_exponent`, 0 to 1, where there is one.
     pub fn new(
         space: BodySpace,
         overlap: BodyOverlap,
         sharpness: f64,
         prior_weight: f64,
         travel_weight: f64,
-        cue: Option<CueTerm>,
+        cue_exponent: Option<f64>,
     ) -> Self {
-        Self { space, overlap, sharpness, prior_weight, travel_weight, cue, poses: Vec::new() }
+        Self { space, overlap, sharpness, prior_weight, travel_weight, cue_exponent, poses: Vec::new() }
     }
 }
 
@@ -98,11 +90,11 @@ impl Likelihood<BodyState> for SilhouetteLikelihood {
                 *log_likelihood += self.travel_weight * facing.dot(travel);
             }
         }
-        if let (Some(CueTerm { exponent, noise }), Some(cue)) = (&self.cue, &frame.cue) {
+        if let (Some(exponent), Some(cue)) = (self.cue_exponent, &frame.cue) {
             let space = &self.space;
             out.par_iter_mut().zip(states).with_min_len(STATES_A_TASK).for_each(|(log_likelihood, state)| {
                 *log_likelihood =
-                    (1.0 - exponent) * *log_likelihood + exponent * cue.log_density(space, state, noise);
+                    (1.0 - exponent) * *log_likelihood + exponent * cue.log_evidence(space, state);
             });
         }
         Ok(())

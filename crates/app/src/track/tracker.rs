@@ -20,7 +20,7 @@ use render_gpu::ScoreError;
 use silhouette::Mask;
 
 use super::cue::{BottomUp, Cue};
-use super::likelihood::{CueTerm, Observation, SilhouetteLikelihood};
+use super::likelihood::{Observation, SilhouetteLikelihood};
 use super::motion::BodyMotion;
 use super::moves::BodyMoves;
 use super::overlap::BodyOverlap;
@@ -57,6 +57,9 @@ const LOST_IOU: f64 = 0.4;
 const LOST_FRAMES: u32 = 5;
 /// Modes of a prediction that are taken to the outline beside the mean of the particles.
 const N_RIVALS: usize = 2;
+/// A mode that explains a frame so much worse (log-likelihood) than the mean of the particles is not taken there: steps to
+/// the outline seldom gain half of it.
+const HOPELESS: f64 = 50.0;
 
 type BodyFilter = Filter<BodySpace, BodyProposal>;
 
@@ -245,6 +248,17 @@ fn keep_best(rivals: &mut Vec<Rival>, count: usize) {
     rivals.truncate(count);
 }
 
+/// The states with how well they explain the frame.
+fn judge(
+    likelihood: &mut SilhouetteLikelihood,
+    seen: &Observation,
+    states: &[BodyState],
+) -> Result<Vec<Reading>, ScoreError> {
+    let mut fits = vec![0.0; states.len()];
+    likelihood.log_likelihoods(seen, states, &mut fits)?;
+    Ok(states.iter().zip(fits).map(|(&state, fit)| Reading { state, fit }).collect())
+}
+
 /// Standard deviations of the motion from one frame to the next, times `factor`, `[dim]`.
 pub(super) fn step_sd(scene: &Scene, factor: f64) -> Vec<f64> {
     // Over short times people move evenly: twice the time, twice the way.
@@ -304,8 +318,7 @@ impl Tracker {
             seed: params.seed ^ (stream << STREAM_SHIFT),
             ..FilterConfig::default()
         })?;
-        let cue_term = (params.method == Method::Jlm)
-            .then(|| CueTerm { exponent: params.cue_exponent, noise: noise.clone() });
+        let cue_exponent = (params.method == Method::Jlm).then_some(params.cue_exponent);
         let overlap = BodyOverlap::new(scene.body.clone(), scene.camera);
         let likelihood = SilhouetteLikelihood::new(
             space.clone(),
@@ -313,7 +326,7 @@ impl Tracker {
             params.sharpness,
             params.prior_weight,
             params.travel_weight,
-            cue_term,
+            cue_exponent,
         );
         let motion = BodyMotion::new(step_sd.clone(), frame_scale(&scene), params.diffusion)?;
         let proposal = match (params.method, &scene.transitions) {
@@ -479,28 +492,30 @@ impl Tracker {
         Ok(if has_rivals { reading::mean(self.filter.space(), &readings, leader) } else { self.mean() })
     }
 
-    /// The `mean` of the particles, taken to the outline of the mask where that explains it better, and after it the likeliest
-    /// poses of the predictor, taken there likewise.
+    /// The `mean` of the particles, taken to the outline of the mask where that explains it better, and after it those of the
+    /// likeliest poses of the predictor that are not hopeless, taken there likewise.
     fn readings(&mut self, seen: &Observation, mean: BodyState) -> anyhow::Result<Vec<Reading>> {
         let steps = self.scene.params.refine_steps as usize;
         let (Some(refiner), Some(outline)) = (self.scene.refiner.as_deref(), &seen.outline) else {
             return Ok(vec![Reading { state: mean, fit: self.fit }]);
         };
         let n_rivals = if self.scene.params.method == Method::Jpf { N_RIVALS } else { 0 };
-        let rivals = seen.cue.iter().flat_map(Cue::modes).take(n_rivals);
-        let begun: Vec<BodyState> =
-            once(mean).chain(rivals.map(|mode| BodyState { position: mean.position, ..*mode })).collect();
+        let modes = seen.cue.iter().flat_map(Cue::modes).take(n_rivals);
+        let states: Vec<BodyState> =
+            once(mean).chain(modes.map(|mode| BodyState { position: mean.position, ..*mode })).collect();
+        let begun = judge(&mut self.likelihood, seen, &states)?;
+        let has_hope = |reading: &&Reading| reading.fit >= begun[0].fit - HOPELESS;
+        let hopeful: Vec<BodyState> = begun.iter().filter(has_hope).map(|reading| reading.state).collect();
         let (space, camera) = (self.filter.space(), &self.scene.camera);
         let refine = |state: &BodyState| {
             space.state_from_pose(&refiner.refine(camera, outline, &space.pose(state), steps))
         };
-        let refined: Vec<BodyState> = begun.par_iter().map(refine).collect();
-        let states: Vec<BodyState> = once(mean).chain(refined).collect();
-        let mut fits = vec![0.0; states.len()];
-        self.likelihood.log_likelihoods(seen, &states, &mut fits)?;
-        let own = usize::from(fits[1] > fits[0]);
-        let kept = once(own).chain(2..states.len());
-        Ok(kept.map(|index| Reading { state: states[index], fit: fits[index] }).collect())
+        let refined: Vec<BodyState> = hopeful.par_iter().map(refine).collect();
+        let mut readings = judge(&mut self.likelihood, seen, &refined)?;
+        if readings[0].fit <= begun[0].fit {
+            readings[0] = begun[0];
+        }
+        Ok(readings)
     }
 
     /// The weighted mean of the particles.
