@@ -3,16 +3,20 @@
 use std::fs;
 use std::path::Path;
 
-use anyhow::Context as _;
+use crate::run_folder::WriteRunError;
 
 /// Writes `bytes` to a new file beside `path`, which then takes its place; makes the folder where there is none.
 ///
 /// # Errors
 /// When something cannot be written; the message names it.
-pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), WriteRunError> {
     let folder = path.parent().unwrap_or(Path::new("."));
-    fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+    fs::create_dir_all(folder).map_err(|source| WriteRunError::Folder { path: folder.to_owned(), source })?;
     let partial = path.with_extension("partial");
-    fs::write(&partial, bytes).with_context(|| format!("{}: cannot write", partial.display()))?;
-    fs::rename(&partial, path).with_context(|| format!("{}: cannot write", path.display()))
+    let written = fs::write(&partial, bytes).and_then(|()| fs::rename(&partial, path));
+    if written.is_err() {
+        // The first error is the one to report.
+        let _ = fs::remove_file(&partial);
+    }
+    written.map_err(|source| WriteRunError::File { path: path.to_owned(), source })
 }

@@ -94,6 +94,13 @@ pub fn log_sum_exp(x: &[f64]) -> f64 {
     largest + x.iter().map(|v| (v - largest).exp()).sum::<f64>().ln()
 }
 
+/// exp of each less the [`log_sum_exp`] of all; even shares where all are −∞.
+pub(crate) fn shares(log_weights: &[f64]) -> Vec<f64> {
+    let total = log_sum_exp(log_weights);
+    let even = 1.0 / log_weights.len() as f64;
+    log_weights.iter().map(|log| if total > f64::NEG_INFINITY { (log - total).exp() } else { even }).collect()
+}
+
 /// A dense symmetric matrix that grows and shrinks by one row and column.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Symmetric {

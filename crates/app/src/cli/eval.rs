@@ -277,6 +277,9 @@ pub fn run(command: &EvalCommand) -> anyhow::Result<()> {
             shape_space::table(&report)
         }
         EvalCommand::Stage(args) => {
+            if args.settings.names_a_method() {
+                bail!("`--method` names the tracker of one run, expected `--methods`");
+            }
             let report = stage::evaluate(&stage::StageEval {
                 data: data_folder(args.data.as_deref(), "stage")?,
                 subjects: args.subjects.clone(),

@@ -100,7 +100,8 @@ pub struct SettingsArgs {
     /// Settings to begin with [default: best].
     #[arg(long, value_enum)]
     preset: Option<Preset>,
-    /// A TOML file of settings, named as in the table `settings` of a run.toml.
+    /// A TOML file of settings, named as in the table `settings` of a run.toml; what is an option only, as `activity` and
+    /// `frames`, is none.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     #[arg(long, value_name = "N", help = or_else("Particles of the filter", defaults().particles))]
@@ -145,6 +146,11 @@ impl SettingsArgs {
             Some(Preset::Paper) => DescriptorKind::Histogram,
             Some(Preset::Best) | None => DescriptorKind::Crop,
         }
+    }
+
+    /// Whether the command line says which tracker.
+    pub fn names_a_method(&self) -> bool {
+        self.method.is_some()
     }
 
     /// The settings of the preset, under those of the file if one is given, under those of the command line.

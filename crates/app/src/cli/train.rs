@@ -1,17 +1,28 @@
 //! `umbra train`: predictors of poses from masks.
 
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use anyhow::Context as _;
 use clap::Args;
+use clap::builder::RangedU64ValueParser;
 
 use super::eval::data_folder;
-use crate::predict::{Activity, PosePredictor};
+use crate::predict::{Activity, MAX_POSE_DIM, PosePredictor};
 use crate::progress::{Progress, note};
 use crate::stage::Sequence;
 use crate::train::validate::cross_validate;
-use crate::train::{DescriptorKind, Recordings, TrainConfig, TrainingFrames, train_on_sequence};
+use crate::train::{
+    DescriptorKind, Recordings, TrainConfig, TrainingFrames, kept_latent, kept_predictor, notice_of,
+    train_on_sequence,
+};
 use crate::whole_file::write_whole;
+
+/// Reads a number in `range`.
+fn count(range: RangeInclusive<u64>) -> RangedU64ValueParser<usize> {
+    RangedU64ValueParser::new().range(range)
+}
 
 /// Arguments of `umbra train`.
 #[derive(Debug, Args)]
@@ -21,7 +32,7 @@ pub struct TrainArgs {
     stage: Option<PathBuf>,
     /// Sequences of it, as `S1/Walking_1`. Without any, the models that the program ships are trained: priors over the poses
     /// of recorded people and of the training frames of the stage-like data set, and predictors on masks rendered of them. Models
-    /// that are in the output folder already are kept: an interrupted training goes on there.
+    /// that are in the output folder already, learned from the same, are kept: an interrupted training goes on there.
     #[arg(long, value_name = "SEQUENCE", num_args = 1..)]
     sequence: Vec<String>,
     /// The folder of recorded motion for those; without --stage, they learn from it alone [default: cmu of the data folder, and
@@ -41,19 +52,19 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FOLDER", default_value = "models")]
     out: PathBuf,
     /// Hold parts of the training frames out and print the errors there; writes no model.
-    #[arg(long)]
+    #[arg(long, requires = "sequence")]
     validate: bool,
     /// Coordinates of a pose.
-    #[arg(long, value_name = "NUMBER", default_value_t = TrainConfig::default().pose_dim)]
+    #[arg(long, value_name = "NUMBER", default_value_t = TrainConfig::default().pose_dim, value_parser = count(1..=MAX_POSE_DIM as u64))]
     pose_dim: usize,
     /// Views rendered of each pose, beside those that were filmed.
-    #[arg(long, value_name = "NUMBER", default_value_t = TrainConfig::default().views_per_pose)]
+    #[arg(long, value_name = "NUMBER", default_value_t = TrainConfig::default().views_per_pose, value_parser = count(0..=1000))]
     views_per_pose: usize,
     /// Sectors of headings with experts of their own.
-    #[arg(long, value_name = "NUMBER", default_value_t = TrainConfig::default().experts.n_views)]
+    #[arg(long, value_name = "NUMBER", default_value_t = TrainConfig::default().experts.n_views, value_parser = count(1..=64))]
     sectors: usize,
     /// Experts for each coordinate in each sector.
-    #[arg(long, value_name = "NUMBER", default_value_t = TrainConfig::default().experts.experts_per_output)]
+    #[arg(long, value_name = "NUMBER", default_value_t = TrainConfig::default().experts.experts_per_output, value_parser = count(1..=32))]
     experts: usize,
     /// Learn from mirror images, too: for poses that may be met from any side.
     #[arg(long)]
@@ -102,9 +113,14 @@ pub fn run(args: &TrainArgs) -> anyhow::Result<()> {
                 errors.log_density,
                 start.elapsed().as_secs_f64(),
             ));
+            continue;
+        }
+        let path = args.out.join(sequence.model_file_name());
+        if path.is_file() {
+            kept_predictor(&path, &notice_of(&frames), config.descriptor)?;
+            note(&there_already(&path));
         } else {
             let predictor = train_on_sequence(&frames, &config)?;
-            let path = args.out.join(sequence.model_file_name());
             predictor.write(&path)?;
             say(&path, &predictor, start);
         }
@@ -122,22 +138,31 @@ fn train_shipped(args: &TrainArgs) -> anyhow::Result<()> {
     if let Some(stage) = stage {
         recordings.add_stage(&Sequence::read_all(&stage)?, &args.camera)?;
     }
+    train_all(args, &recordings).with_context(|| format!("{}: cannot be trained on", folder.display()))
+}
+
+fn train_all(args: &TrainArgs, recordings: &Recordings) -> anyhow::Result<()> {
     let config = args.config().for_people_at_large();
+    let notice = recordings.notice();
     let mut progress = Progress::start("training", 0, Some(Activity::ALL.len() as u64));
     for activity in Activity::ALL {
         let path = |kind: &str| args.out.join(format!("{kind}-{}.bin", activity.name()));
         if activity != Activity::Any {
             write_whole(&path("prior"), &recordings.prior(activity)?.to_bytes())?;
         }
-        if !path("latent").is_file() {
-            let start = Instant::now();
+        let start = Instant::now();
+        if path("latent").is_file() {
+            kept_latent(&path("latent"), &notice)?;
+            progress.note(&there_already(&path("latent")));
+        } else {
             write_whole(&path("latent"), &recordings.latent(activity, activity.n_latent())?.to_bytes())?;
             note(&format!("{}: {:.1} s", path("latent").display(), start.elapsed().as_secs_f64()));
         }
+        let start = Instant::now();
         if path("predict").is_file() {
-            progress.note(&format!("{}: there already", path("predict").display()));
+            kept_predictor(&path("predict"), &notice, config.descriptor)?;
+            progress.note(&there_already(&path("predict")));
         } else {
-            let start = Instant::now();
             let predictor = recordings.predictor(activity, &config)?;
             predictor.write_small(&path("predict"))?;
             say(&path("predict"), &predictor, start);
@@ -145,6 +170,11 @@ fn train_shipped(args: &TrainArgs) -> anyhow::Result<()> {
         progress.advance();
     }
     Ok(())
+}
+
+/// Settings are not in a model, so that it may be one of others.
+fn there_already(path: &Path) -> String {
+    format!("{}: there already, and kept; remove it to train it anew", path.display())
 }
 
 fn say(path: &Path, predictor: &PosePredictor, start: Instant) {

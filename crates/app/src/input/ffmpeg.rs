@@ -58,7 +58,8 @@ impl FfmpegPipe {
             let _ = stderr.read_to_end(&mut text);
             String::from_utf8_lossy(&text).into_owned()
         });
-        let info = SourceInfo { path: path.to_owned(), width: 0, height: 0, fps: None, n_frames: None };
+        let info =
+            SourceInfo { path: path.to_owned(), width: 0, height: 0, fps: None, n_frames: None, gap: None };
         let mut pipe = Self {
             info,
             child,

@@ -60,6 +60,8 @@ pub struct SourceInfo {
     pub fps: Option<f64>,
     /// Number of frames by the file's index; a pipe has none.
     pub n_frames: Option<u64>,
+    /// The names of two files between which numbers are missing, the first such.
+    pub gap: Option<[String; 2]>,
 }
 
 /// Gives frames in presentation order, all of the size in [`info`](FrameSource::info).

@@ -88,6 +88,7 @@ impl Mp4Video {
             height,
             fps: mean_rate(track),
             n_frames: Some(track.samples.len() as u64),
+            gap: None,
         };
         let mut to_show: Vec<ShowTime> = track.samples.iter().map(show_time).collect();
         to_show.sort_unstable();

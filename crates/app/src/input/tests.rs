@@ -65,7 +65,7 @@ fn check_clip(frames: &[RgbFrame]) {
 fn frames_come_in_the_order_they_are_shown() {
     let (_folder, path) = file_with(CLIP);
     let mut source = open_frames(&path).unwrap();
-    let info = SourceInfo { path, width: 64, height: 48, fps: Some(25.0), n_frames: Some(12) };
+    let info = SourceInfo { path, width: 64, height: 48, fps: Some(25.0), n_frames: Some(12), gap: None };
     assert_eq!(*source.info(), info);
     let (frames, error) = read_all(&mut *source);
     assert_eq!((frames.len(), error), (12, None));

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::descriptor::DescriptorFile;
 use super::pose_space::PoseSpace;
 use super::predictor::{PosePredictor, Training};
+use crate::run_folder::WriteRunError;
 use crate::whole_file::write_whole;
 
 const MAGIC: &str = "UMBRAPRE";
@@ -74,7 +75,7 @@ impl PosePredictor {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn write(&self, path: &Path) -> anyhow::Result<()> {
+    pub fn write(&self, path: &Path) -> Result<(), WriteRunError> {
         write_whole(path, &self.to_bytes())
     }
 
@@ -82,7 +83,7 @@ impl PosePredictor {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn write_small(&self, path: &Path) -> anyhow::Result<()> {
+    pub fn write_small(&self, path: &Path) -> Result<(), WriteRunError> {
         write_whole(path, &self.to_small_bytes())
     }
 

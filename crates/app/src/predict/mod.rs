@@ -23,7 +23,7 @@ pub use pose_space::PoseSpace;
 pub use predictor::{NotTrainedFor, PoseDensity, PoseMode, PosePredictor, Training};
 pub use shipped::Activity;
 pub use transition::TransitionPredictor;
-pub use viewed::{ViewedPose, wrapped};
+pub use viewed::{ROW_LEN as MAX_POSE_DIM, ViewedPose, wrapped};
 
 #[cfg(test)]
 mod tests;

@@ -47,8 +47,8 @@ impl Activity {
         self == Self::Any || self == Self::called(action)
     }
 
-    /// `config` for it: poses of people who do just this hold for others nearly as they are, while a prior of many
-    /// things has to be widened.
+    /// `config` for it: poses and steps of people who do just this hold for others nearly as they are, while those of many
+    /// things have to be widened; and a predictor that was trained on them always has its say.
     pub fn over(self, config: TrackConfig) -> TrackConfig {
         match self {
             Self::Any => config,
@@ -57,6 +57,8 @@ impl Activity {
                 least_sd: 0.02,
                 least_step: 0.002,
                 frees_clavicles: false,
+                diffusion: 1.5,
+                least_share: 0.4,
                 ..config
             },
         }

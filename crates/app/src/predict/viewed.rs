@@ -59,8 +59,8 @@ impl ViewedPose {
     }
 }
 
-/// Length of a row of tilt and angles.
-pub(super) const ROW_LEN: usize = 3 + N_DOF;
+/// Length of a row of tilt and angles: as many coordinates as a pose can have.
+pub const ROW_LEN: usize = 3 + N_DOF;
 
 /// Direction in the floor plane from a camera to a point, radians, as headings count.
 fn viewing_direction(camera_world: DVec3, point_world: DVec3) -> f64 {

@@ -14,6 +14,9 @@ use super::rim::{is_cropped, outline_of, person_of};
 const STATURES_M: std::ops::Range<f64> = 1.4..2.1;
 /// Rows of pixels from the lowest one up that are taken for the foot on the floor.
 const ROWS_OF_A_FOOT: f64 = 3.0;
+/// Who is upright is at least so tall as a share of their greatest height: a step or a foot nearer to the camera takes less away, a
+/// bend more.
+const UPRIGHT_SHARE: f64 = 0.85;
 /// Walked so far, metres, the direction of travel is known.
 const LEAST_TRAVEL_M: f64 = 0.35;
 /// Seconds over which the direction of travel is taken: about a step.
@@ -22,7 +25,7 @@ pub const TRAVEL_SECS: f64 = 0.9;
 /// What a clip tells at first sight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Survey {
-    /// Median height of the head, metres.
+    /// Median height of the head on the frames that show the person upright, metres.
     pub stature_m: f64,
     /// Direction of travel on the first frames, radians counter-clockwise from world +x; none for a person who stands.
     pub heading_rad: Option<f64>,
@@ -44,7 +47,7 @@ pub struct Sighting {
 /// Surveys masks, `fps` a second; none when no mask shows a whole person on the floor.
 pub fn survey(masks: &[&Mask], camera: &Camera, fps: f64) -> Option<Survey> {
     let mut sightings: Vec<Option<Sighting>> = masks.par_iter().map(|mask| sight(mask, camera)).collect();
-    let mut heights: Vec<f64> = sightings
+    let heights: Vec<f64> = sightings
         .iter()
         .flatten()
         .map(|sighting| sighting.height_m)
@@ -53,7 +56,7 @@ pub fn survey(masks: &[&Mask], camera: &Camera, fps: f64) -> Option<Survey> {
     if heights.is_empty() {
         return None;
     }
-    heights.sort_by(f64::total_cmp);
+    let stature_m = upright_height(heights);
     let path: Vec<(f64, DVec2)> = sightings
         .iter()
         .enumerate()
@@ -68,7 +71,18 @@ pub fn survey(masks: &[&Mask], camera: &Camera, fps: f64) -> Option<Survey> {
         }
     }
     let heading_rad = sightings.iter().flatten().next().and_then(|sighting| sighting.heading_rad);
-    Some(Survey { stature_m: heights[heights.len() / 2], heading_rad, sightings })
+    Some(Survey { stature_m, heading_rad, sightings })
+}
+
+/// The median of the heights that are near the greatest ones, of which a tenth may be wrong.
+///
+/// # Panics
+/// Without a height.
+fn upright_height(mut heights: Vec<f64>) -> f64 {
+    heights.sort_by(f64::total_cmp);
+    let tall = heights[(heights.len() - 1) * 9 / 10];
+    let upright = &heights[heights.partition_point(|height| *height < UPRIGHT_SHARE * tall)..];
+    upright[upright.len() / 2]
 }
 
 /// Where the person on a mask stands, seen once: without a heading. None when they are not whole on it, or not on the floor.
@@ -117,6 +131,16 @@ mod tests {
     use super::*;
     use body::{BodyModel, Intrinsics, Pose, Sex};
     use glam::DVec3;
+
+    #[test]
+    fn who_bends_down_most_of_the_time_is_as_tall_as_when_upright() {
+        let bent = [1.41, 1.42, 1.45, 1.41, 1.43, 1.44];
+        let upright = [1.74, 1.76, 1.78, 1.76];
+        assert_eq!(upright_height([&bent[..], &upright].concat()), 1.76);
+        // One frame with an arm up is no stature.
+        assert_eq!(upright_height([&upright[..], &[1.75, 1.77, 1.75, 1.76, 1.76, 2.09]].concat()), 1.76);
+        assert_eq!(upright_height(vec![1.7]), 1.7);
+    }
 
     #[test]
     fn a_walking_person_is_measured_at_first_sight() {

@@ -125,6 +125,11 @@ const VALIDATION_PART: usize = 3;
 /// so many frames before it are left out: neighbours are nearly equal.
 const VALIDATION_GAP: usize = 10;
 
+/// Frame rates that a sequence may have.
+const FRAME_RATES_HZ: std::ops::RangeInclusive<f64> = 1.0..=1000.0;
+/// A quaternion shorter than this is no rotation.
+const LEAST_NORM: f64 = 0.5;
+
 impl Sequence {
     /// Reads the sequence in `folder`.
     ///
@@ -140,16 +145,24 @@ impl Sequence {
             folder.join("../subject.json").display(),
             subject.stature_mm
         );
+        ensure!(
+            FRAME_RATES_HZ.contains(&file.fps),
+            "{}: `fps` is {}, expected {} to {}",
+            path.display(),
+            file.fps,
+            FRAME_RATES_HZ.start(),
+            FRAME_RATES_HZ.end()
+        );
         let markers = read_markers(&folder.join("joints.csv"))?;
         let rotations = read_rotations(&folder.join("segments.csv"))?;
         let [test, train] = [file.test_range, file.train_range].map(|[first, last]| first..last + 1);
         for (field, range) in [("test_range", &test), ("train_range", &train)] {
             if range.is_empty() || range.end > markers.len() || range.end > rotations.len() {
                 bail!(
-                    "{}: `{field}` is {}..{}, expected frames of the {} with joints",
+                    "{}: `{field}` is [{}, {}], expected first and last of the {} frames with joints",
                     path.display(),
                     range.start,
-                    range.end,
+                    range.end - 1,
                     markers.len()
                 );
             }
@@ -304,31 +317,53 @@ impl Table {
             .position(|column| column == name)
             .with_context(|| format!("{}: has no column `{name}`", self.path.display()))
     }
+
+    /// The columns `NAME_a`, `NAME_b` and so on, for each name.
+    fn columns<const N: usize, const M: usize>(
+        &self,
+        names: [&str; N],
+        axes: [&str; M],
+    ) -> anyhow::Result<[[usize; M]; N]> {
+        let mut columns = [[0; M]; N];
+        for (columns, name) in columns.iter_mut().zip(names) {
+            for (column, axis) in columns.iter_mut().zip(axes) {
+                *column = self.column(&format!("{name}_{axis}"))?;
+            }
+        }
+        Ok(columns)
+    }
 }
 
 fn read_markers(path: &Path) -> anyhow::Result<Vec<Option<Markers>>> {
     let table = Table::read(path)?;
     let valid = table.column("valid")?;
-    let mut columns = [0; MARKERS.len()];
-    for (column, name) in columns.iter_mut().zip(MARKERS) {
-        *column = table.column(&format!("{name}_x"))?;
-    }
+    let columns = table.columns(MARKERS, ["x", "y", "z"])?;
     let frame = |row: &Vec<f64>| {
-        (row[valid] > 0.0).then(|| columns.map(|column| DVec3::from_slice(&row[column..]) / 1000.0))
+        let marker = |at: [usize; 3]| DVec3::from_array(at.map(|column| row[column])) / 1000.0;
+        (row[valid] > 0.0).then(|| columns.map(marker))
     };
     Ok(table.rows.iter().map(frame).collect())
 }
 
 fn read_rotations(path: &Path) -> anyhow::Result<Vec<Rotations>> {
     let table = Table::read(path)?;
-    let mut columns = [0; SEGMENTS.len()];
-    for (column, (name, _)) in columns.iter_mut().zip(SEGMENTS) {
-        *column = table.column(&format!("{name}_w"))?;
+    let names = SEGMENTS.map(|(name, _)| name);
+    let columns = table.columns(names, ["x", "y", "z", "w"])?;
+    let mut frames = Vec::with_capacity(table.rows.len());
+    for (index, row) in table.rows.iter().enumerate() {
+        let rotations = columns.map(|at| DQuat::from_array(at.map(|column| row[column])));
+        if let Some(segment) = rotations.iter().position(|rotation| rotation.length() < LEAST_NORM) {
+            bail!(
+                "{}: line {}: the rotation of `{}` has length {}, expected 1",
+                path.display(),
+                index + 2,
+                names[segment],
+                rotations[segment].length()
+            );
+        }
+        frames.push(rotations.map(DQuat::normalize));
     }
-    let frame = |row: &Vec<f64>| {
-        columns.map(|c| DQuat::from_xyzw(row[c + 1], row[c + 2], row[c + 3], row[c]).normalize())
-    };
-    Ok(table.rows.iter().map(frame).collect())
+    Ok(frames)
 }
 
 #[cfg(test)]
@@ -346,6 +381,28 @@ mod tests {
     }
 
     #[test]
+    fn a_rotation_that_is_none_is_named() {
+        let folder = tempfile::tempdir().expect("a folder for a test");
+        let path = folder.path().join("segments.csv");
+        let columns =
+            SEGMENTS.map(|(name, _)| ["w", "x", "y", "z"].map(|axis| format!("{name}_{axis}")).join(","));
+        let write = |last: &str| {
+            let rows = [columns.join(","), vec!["1,0,0,0"; SEGMENTS.len() - 1].join(",") + "," + last];
+            fs::write(&path, rows.join("\n")).expect("it can be written");
+            read_rotations(&path)
+        };
+        assert_eq!(
+            write("0,0,2,0").expect("any length")[0][SEGMENTS.len() - 1],
+            DQuat::from_xyzw(0.0, 1.0, 0.0, 0.0)
+        );
+        let message = format!("{:#}", write("0,0,0,0").expect_err("no rotation"));
+        assert!(
+            message.contains("segments.csv: line 2: the rotation of `footR` has length 0, expected 1"),
+            "{message}"
+        );
+    }
+
+    #[test]
     fn a_missing_column_and_an_empty_table_are_named() {
         let folder = tempfile::tempdir().expect("a folder for a test");
         let path = folder.path().join("joints.csv");
@@ -353,6 +410,11 @@ mod tests {
         assert!(
             format!("{:#}", read_markers(&path).expect_err("no markers"))
                 .contains("no column `torsoProximal_x`")
+        );
+        fs::write(&path, "frame,valid,torsoProximal_x\n0,1,5.0\n").expect("it can be written");
+        assert!(
+            format!("{:#}", read_markers(&path).expect_err("half a marker"))
+                .contains("no column `torsoProximal_y`")
         );
         fs::write(&path, "frame,valid\n").expect("it can be written");
         assert!(format!("{:#}", read_markers(&path).expect_err("no rows")).contains("holds no frames"));

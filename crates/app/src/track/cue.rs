@@ -110,7 +110,8 @@ fn kernel(space: &BodySpace, centres: &[BodyState], modes: &[BodyState]) -> Gaus
     let (rigid, latent) = (space.model().rigid_step_sd(), space.model().step_sd());
     let steps = rigid.iter().chain(latent);
     let spread = variance_within_modes(space, centres, modes);
-    let sd = spread.iter().zip(steps).map(|(variance, step)| (factor * variance.sqrt()).hypot(*step)).collect();
+    let sd =
+        spread.iter().zip(steps).map(|(variance, step)| (factor * variance.sqrt()).hypot(*step)).collect();
     Gaussian::diagonal(sd).expect("draws are finite, and steps above zero")
 }
 
@@ -120,8 +121,8 @@ fn variance_within_modes(space: &BodySpace, centres: &[BodyState], modes: &[Body
     let turn = |a: &BodyState, b: &BodyState| a.orientation.angle_between(b.orientation);
     let mut offsets: Vec<Vec<Vec<f64>>> = vec![Vec::new(); modes.len()];
     for centre in centres {
-        let near = (0..modes.len())
-            .min_by(|&a, &b| turn(&modes[a], centre).total_cmp(&turn(&modes[b], centre)));
+        let near =
+            (0..modes.len()).min_by(|&a, &b| turn(&modes[a], centre).total_cmp(&turn(&modes[b], centre)));
         if let Some(mode) = near {
             let mut offset = vec![0.0; dim];
             space.local(&modes[mode], centre, &mut offset);

@@ -95,6 +95,14 @@ pub fn track_clip(job: &TrackJob, exec: ExecConfig) -> anyhow::Result<TrackOutco
 fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
     let started = Instant::now();
     let params = TrackParams::new(job.config.clone())?;
+    if params.method == Method::Opf {
+        bail!(
+            "settings: `method` is opf, expected apf, jpf or jlm: opf needs what a sequence teaches of the next pose, as `umbra eval stage` learns it"
+        );
+    }
+    if let Some(path) = job.save_predictor.as_ref().filter(|path| path.is_dir()) {
+        bail!("{}: is a folder, expected a file that the predictor can be saved to", path.display());
+    }
     let reader = ClipReader::open(&job.input)?;
     let info = reader.info().clone();
     let known = job.camera.resolve(&info)?;
@@ -111,8 +119,21 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
         );
     }
     let mut assumptions = known.assumptions;
+    if let Some([before, after]) = &info.gap {
+        assumptions.push(format!(
+            "one frame after the other though {after} follows {before}: frames are counted in order"
+        ));
+    }
     let mut window = Window::new(reader, range.clone());
     window.fill();
+    if let Some(share) = window.frames.front().map(|frame| share_of_person(&frame.mask))
+        && share > LARGEST_SHARE
+    {
+        let percent = 100.0 * share;
+        assumptions.push(format!(
+            "a person who fills {percent:.0} % of the first picture, for so much is white in its mask"
+        ));
+    }
     let stature_m = params.stature_m.unwrap_or_else(|| {
         let (stature_m, source) = first_stature(&window, &known.camera, fps);
         assumptions.push(format!("a person {stature_m:.2} m tall, {source}"));
@@ -209,10 +230,10 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
             }
         });
     }
+    let summary = writer.finish(cut_short_by.as_ref().map(|error| format!("{error:#}")).as_deref())?;
     if let (Some(path), Some(predictor)) = (&job.save_predictor, follower.learned_predictor()) {
         predictor.write(path)?;
     }
-    let summary = writer.finish(cut_short_by.as_ref().map(|error| format!("{error:#}")).as_deref())?;
     match cut_short_by {
         Some(error) => Err(error.context(format!(
             "{}: stopped after {} frames, which are kept",
@@ -253,6 +274,13 @@ fn predictor_for(
             Ok(None)
         }
     }
+}
+
+/// A person seldom fills a larger share of the picture; the white of an inverted mask does.
+const LARGEST_SHARE: f64 = 0.6;
+
+fn share_of_person(mask: &Mask) -> f64 {
+    mask.area() as f64 / (f64::from(mask.width()) * f64::from(mask.height()))
 }
 
 /// Stature of a person of whom nothing is known, metres.

@@ -115,6 +115,11 @@ impl Recordings {
         self.of(activity).next().is_some()
     }
 
+    fn ensure_shown(&self, activity: Activity) -> anyhow::Result<()> {
+        ensure!(self.show(activity), "no training clip shows `{}`, expected some", activity.name());
+        Ok(())
+    }
+
     /// The motions of those who do it.
     pub fn motions(&self, activity: Activity) -> impl Iterator<Item = &Motion> {
         self.of(activity).map(|clip| &clip.motion)
@@ -129,6 +134,7 @@ impl Recordings {
     /// # Errors
     /// When too few poses show the activity.
     pub fn prior(&self, activity: Activity) -> anyhow::Result<PosePrior> {
+        self.ensure_shown(activity)?;
         let motions: Vec<Motion> = self.motions(activity).cloned().collect();
         PosePrior::learn(&motions, &self.notice(), &PosePriorConfig::default())
             .with_context(|| format!("cannot learn the poses of `{}`", activity.name()))
@@ -139,6 +145,7 @@ impl Recordings {
     /// # Errors
     /// When too few poses show the activity.
     pub fn latent(&self, activity: Activity, n_dims: usize) -> anyhow::Result<LatentPoses> {
+        self.ensure_shown(activity)?;
         let motions: Vec<Motion> = self.motions(activity).cloned().collect();
         LatentPoses::fit(&motions, n_dims, true, &self.notice())
             .with_context(|| format!("cannot learn the latent poses of `{}`", activity.name()))
@@ -162,10 +169,10 @@ impl Recordings {
 
     /// Rendered masks: an action of the activity, a frame of it, a body, a camera and a side, all at random.
     fn examples(&self, activity: Activity, config: &TrainConfig) -> anyhow::Result<Examples> {
+        self.ensure_shown(activity)?;
         let mut actions: Vec<&str> = self.of(activity).map(|clip| clip.action.as_str()).collect();
         actions.sort_unstable();
         actions.dedup();
-        ensure!(!actions.is_empty(), "no training clip shows `{}`", activity.name());
         let poses: Vec<Vec<&Pose>> = actions
             .iter()
             .map(|action| {

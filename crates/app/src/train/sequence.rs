@@ -7,7 +7,7 @@ use anyhow::ensure;
 use super::frames::TrainingFrames;
 use super::render::turned_views;
 use super::{Examples, TrainConfig, fit_predictor};
-use crate::predict::{PosePredictor, Training, ViewedPose};
+use crate::predict::{Activity, PosePredictor, Training, ViewedPose};
 
 /// The frames numbered `chosen` as their camera saw them, and rendered views of their poses.
 ///
@@ -30,15 +30,15 @@ pub fn examples_of_frames(
             poses.push(pose);
         }
     }
+    ensure!(
+        !examples.is_empty(),
+        "{}: no training frame with a person and valid joints, expected some",
+        sequence.folder.display()
+    );
     examples.append(turned_views(&poses, &frames.shape, &camera, config.views_per_pose, config.seed));
     if config.mirror {
         examples.mirror();
     }
-    ensure!(
-        !examples.is_empty(),
-        "{}: no frame with a person and valid joints, expected some to train on",
-        sequence.folder.display()
-    );
     Ok(examples)
 }
 
@@ -47,7 +47,7 @@ pub(super) fn training_of(frames: &TrainingFrames<'_>, examples: &Examples) -> a
     let height_m = frames.sequence.camera(&frames.camera)?.centre_world().z;
     Ok(Training {
         notice: notice_of(frames),
-        activity: frames.sequence.activity.to_lowercase(),
+        activity: Activity::called(&frames.sequence.activity).name().to_owned(),
         camera_height_m: [height_m; 2],
         n_masks: examples.len() as u64,
     })

@@ -176,6 +176,23 @@ fn results_that_cannot_be_right_come_with_a_warning() {
 }
 
 #[test]
+fn what_is_odd_about_masks_is_said() {
+    let clip = Clip::of_balance(4);
+    fs::remove_file(clip.path("masks/0002.png")).expect("a mask");
+    let answer = Answer::of(&mut clip.track("gap")).succeeded();
+    assert!(
+        answer.stderr.contains("assumed: one frame after the other though 0003 follows 0001"),
+        "{}",
+        answer.stderr
+    );
+    let mut inverted = crate::support::silhouette(0);
+    inverted.pixels_mut().for_each(|pixel| pixel.0[0] = 255 - pixel.0[0]);
+    let clip = Clip::of_masks(&[inverted]);
+    let answer = Answer::of(&mut clip.track("run"));
+    assert!(answer.stderr.contains("a person who fills 9"), "{}", answer.stderr);
+}
+
+#[test]
 fn settings_out_of_range() {
     let clip = Clip::of_balance(1);
     let bad_file = |name: &str, text: &str, parts: &[&str]| {
@@ -198,11 +215,47 @@ fn settings_out_of_range() {
         .failed(1, &["`initial_heading_deg` is -361, expected -360 to 360 degrees"]);
     with("--fps", "0").failed(1, &["`fps` is 0, expected a number above 0"]);
     with("--threads", "0").failed(1, &["`--threads` is 0, expected 1 or more"]);
+    with("--save-predictor", &clip.path("masks").display().to_string())
+        .failed(1, &["masks: is a folder, expected a file"]);
     with("--frames", "5..3").failed(2, &["'5..3'", "--frames", "with A below B"]);
     with("--motion", "dance").failed(2, &["'dance'", "--motion", "any, captured"]);
+    with("--activity", "dance").failed(2, &["'dance'", "--activity", "walk, jog, box, any"]);
+    with("--method", "opf").failed(1, &["`method` is opf, expected apf, jpf or jlm"]);
     with("--particles", "many").failed(2, &["'many'", "--particles"]);
     Answer::of(umbra().arg("dance")).failed(2, &["'dance'"]);
     assert!(!clip.path("run").exists(), "nothing was begun");
+}
+
+#[test]
+fn predictors_that_do_not_fit() {
+    let clip = Clip::of_balance(1);
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/predict-walk.bin");
+    let bytes = fs::read(&shipped).expect("a shipped model");
+    let mut later = bytes.clone();
+    later[8] = 9;
+    for (name, bytes, part) in [
+        ("later.bin", later, "`version` is 9, expected 1".to_owned()),
+        ("cut.bin", bytes[..5000].to_vec(), format!("the file has 5000 bytes, expected {}", bytes.len())),
+        (
+            "text.bin",
+            b"no model at all".to_vec(),
+            "`magic`: the file does not begin with `UMBRAPRE`".to_owned(),
+        ),
+    ] {
+        let file = clip.write(name, bytes);
+        let mut track = clip.track("run");
+        Answer::of(track.args(["--activity", "walk"]).arg("--predictor").arg(file)).failed(1, &[name, &part]);
+    }
+    let another = "predict-walk.bin: the model is trained for `walk`, not for `box`";
+    Answer::of(clip.track("run").args(["--activity", "box"]).arg("--predictor").arg(&shipped))
+        .failed(1, &[another]);
+    let high =
+        with_camera("[0.508860642, 0.033698945, 4.401038164]", "[1.526581926, 0.101096835, 13.203114492]");
+    Answer::of(high.track("run").args(["--activity", "walk"]).arg("--predictor").arg(&shipped)).failed(
+        1,
+        &["predict-walk.bin: the model is trained for cameras 0.8 to 2.2 m above the floor, this one is at 5.6"],
+    );
+    assert!(!clip.path("run").exists() && !high.path("run").exists(), "nothing was begun");
 }
 
 #[test]
@@ -249,6 +302,20 @@ fn a_full_disk_loses_nothing() {
     assert!(info.stdout.contains("track again with --resume"), "{}", info.stdout);
     Answer::of(clip.track("run").arg("--resume")).succeeded();
     assert_same_contents(&whole, &clip.path("run"));
+}
+
+#[test]
+fn training_options_out_of_range() {
+    let train =
+        |options: &[&str]| Answer::of(umbra().args(["train", "--sequence", "S1/Walking_1"]).args(options));
+    train(&["--pose-dim", "53"]).failed(2, &["53", "--pose-dim", "1..=52"]);
+    train(&["--experts", "0"]).failed(2, &["--experts", "1..=32"]);
+    train(&["--sectors", "100000"]).failed(2, &["--sectors", "1..=64"]);
+    Answer::of(umbra().args(["train", "--validate"])).failed(2, &["--sequence"]);
+    Answer::of(umbra().args(["eval", "stage", "--method", "jlm"]))
+        .failed(1, &["`--method`", "expected `--methods`"]);
+    Answer::of(umbra().args(["eval", "stage", "--recovery", "--frames", "3", "--data"]).arg(fixtures()))
+        .failed(1, &["`frames` is 3, expected 110 or more for `recovery`"]);
 }
 
 #[test]

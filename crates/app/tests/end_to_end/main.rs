@@ -5,5 +5,6 @@ mod accuracy;
 mod bad_input;
 mod measure;
 mod shape;
+mod stage;
 mod support;
 mod track;

@@ -375,6 +375,31 @@ fn frames_without_a_person_are_bridged() {
 }
 
 #[test]
+fn a_lost_person_who_comes_back_is_found_within_ten_frames() {
+    let masks: Vec<GrayImage> =
+        (0..26).map(|frame| if (6..14).contains(&frame) { nobody() } else { silhouette(frame) }).collect();
+    let clip = Clip::of_masks(&masks);
+    let settings = clip.write("settings.toml", "coast_frames = 4\n");
+    Answer::of(clip.track("run").arg("--config").arg(settings)).succeeded();
+    let rows = table(&clip.path("run/poses.csv"));
+    let status = column(&rows, "status");
+    assert_eq!(status[10..14], ["lost"; 4]);
+    assert_eq!(status[23..], ["tracked"; 3], "{status:?}");
+    let iou = column(&rows, "iou")[23..].iter().map(|iou| iou.parse().expect("a number")).fold(1.0, f64::min);
+    assert!(iou > 0.6, "{iou}");
+}
+
+#[test]
+fn a_clip_of_one_frame_is_tracked() {
+    let clip = Clip::of_balance(1);
+    for (out, options) in [("plain", &[][..]), ("smooth", &["--smooth", "4"]), ("learns", &["--adapt", "4"])]
+    {
+        Answer::of(clip.track(out).args(options)).succeeded();
+        assert_eq!(column(&table(&clip.path(out).join("poses.csv")), "status"), ["tracked"], "{out}");
+    }
+}
+
+#[test]
 fn a_person_who_leaves_the_view_is_lost_and_the_run_goes_on() {
     let masks: Vec<GrayImage> = (0..16)
         .map(|frame| if frame < 10 { shifted(&silhouette(frame), 26 * i64::from(frame)) } else { nobody() })

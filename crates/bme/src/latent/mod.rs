@@ -242,7 +242,7 @@ impl SpectralLatentModel {
     /// # Panics
     /// When `y` has the wrong length.
     pub fn nearest(&self, y: &[f64]) -> Vec<f64> {
-        posterior(&self.decoder, y, &unit_normal(self.latent_dim()), self.encoder.mean(y)).mean
+        posterior(&self.decoder, y, &unit_normal(self.latent_dim()), self.encode(y).mean).mean
     }
 }
 

@@ -75,3 +75,12 @@ fn a_matrix_grows_and_shrinks() {
     assert_eq!(Symmetric::from_lower_triangle(5, &a.lower_triangle()), Some(a));
     assert_eq!(Symmetric::from_lower_triangle(3, &[1.0; 5]), None);
 }
+
+#[test]
+fn shares_of_impossible_rows_are_even() {
+    let none = f64::NEG_INFINITY;
+    assert_eq!(shares(&[none; 4]), [0.25; 4]);
+    assert_eq!(shares(&[none, -1e5, none]), [0.0, 1.0, 0.0]);
+    let [a, b]: [f64; 2] = shares(&[1000.0, 1000.0 + 3f64.ln()]).try_into().unwrap();
+    assert!((a - 0.25).abs() < 1e-9 && (b - 0.75).abs() < 1e-9);
+}

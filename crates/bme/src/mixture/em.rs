@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::{MixtureOfExperts, MixtureParams};
 use crate::design::WeightedDesign;
 use crate::kmeans::Clusters;
-use crate::linalg::{add_scaled, log_sum_exp};
+use crate::linalg::{add_scaled, log_sum_exp, shares};
 use crate::rvm::laplace::{Labels, Posterior};
 use crate::rvm::{SparseFit, check_samples, fit_output};
 use crate::{Design, FitError, Inputs, Rvm, RvmClassifier};
@@ -186,13 +186,11 @@ fn expectation(
     for (i, &weight) in weights.iter().enumerate() {
         state.gate.log_gates(i, &mut joint);
         joint.iter_mut().zip(&log_densities).for_each(|(joint, density)| *joint += density[i]);
-        let total = log_sum_exp(&joint);
-        for (r, joint) in responsibilities.iter_mut().zip(&joint) {
-            r[i] = weight
-                * if total > f64::NEG_INFINITY { (joint - total).exp() } else { 1.0 / n_experts as f64 };
+        for (r, share) in responsibilities.iter_mut().zip(shares(&joint)) {
+            r[i] = weight * share;
         }
         if weight > 0.0 {
-            log_likelihood += weight * total;
+            log_likelihood += weight * log_sum_exp(&joint);
         }
     }
     (responsibilities, log_likelihood)

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::{HierarchicalMixture, MixtureOfExperts};
-use crate::linalg::log_sum_exp;
+use crate::linalg::shares;
 use crate::rvm::check_answers;
 use crate::{Answer, Expert, OnlineUpdate, UpdateError, UpdateReport};
 
@@ -11,13 +11,6 @@ use crate::{Answer, Expert, OnlineUpdate, UpdateError, UpdateReport};
 const ROUNDS: usize = 2;
 /// An expert with less of an example than this does not learn from it.
 const LEAST_SHARE: f64 = 1e-2;
-
-/// exp of each less the log-sum-exp of all; even shares where all are −∞.
-fn shares(log_joint: &[f64]) -> Vec<f64> {
-    let total = log_sum_exp(log_joint);
-    let even = 1.0 / log_joint.len() as f64;
-    log_joint.iter().map(|j| if total > f64::NEG_INFINITY { (j - total).exp() } else { even }).collect()
-}
 
 /// What is left of the answers for the expert that has `shares[answer][expert]` of each.
 fn part<'a>(answers: &[Answer<'a>], shares: &[Vec<f64>], expert: usize) -> Vec<Answer<'a>> {

@@ -347,3 +347,53 @@ impl Logit {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Inputs, Kernel, RvmConfig};
+
+    /// Three overlapping classes along a line, 90 samples.
+    fn labels() -> Vec<Vec<f64>> {
+        let share = |class: usize, i: usize| if (i / 20).min(2) == class { 0.8 } else { 0.1 };
+        (0..3).map(|class| (0..90).map(|i| share(class, i)).collect()).collect()
+    }
+
+    /// With weight `i` of function `c` moved.
+    fn moved<'a>(posterior: &Posterior<'a>, c: usize, i: usize, by: f64) -> Posterior<'a> {
+        let mut moved = posterior.clone();
+        moved.logits[c].mean[i] += by;
+        moved.logits[c].set_values(posterior.labels.design);
+        moved
+    }
+
+    #[test]
+    fn the_gradient_of_the_log_posterior_is_that_of_its_differences_and_vanishes_at_the_mode() {
+        let x = (0..90).map(|i| f64::from(i) * 0.05);
+        let design = Design::new(Kernel::gaussian(1, 1.0).unwrap(), Inputs::from_rows(1, x).unwrap());
+        let labels = labels();
+        let labels = Labels::new(&design, &labels, Labels::weights(&labels));
+        let mut posterior = Posterior::new(&labels);
+        posterior.climb(&RvmParams::new(RvmConfig::default()).unwrap());
+        let gradient = |posterior: &Posterior<'_>, c: usize, i: usize| {
+            let logit = &posterior.logits[c];
+            dot(design.column(logit.active[i]), &posterior.residual(c)) - logit.precisions[i] * logit.mean[i]
+        };
+        for c in 0..3 {
+            assert!(!posterior.logits[c].active.is_empty());
+            for i in 0..posterior.logits[c].active.len() {
+                let off = moved(&posterior, c, i, 0.3);
+                let [low, high] = [-1e-4, 1e-4].map(|by| moved(&off, c, i, by).log_posterior());
+                let (slope, difference) = (gradient(&off, c, i), (high - low) / 2e-4);
+                assert!((slope - difference).abs() < 1e-5 * slope.abs().max(1.0), "{slope} and {difference}");
+                assert!(off.log_posterior() < posterior.log_posterior());
+            }
+            // The mode of each function given the others, to the tolerance of the search.
+            let mut at_mode = posterior.clone();
+            at_mode.find_mode(c);
+            for i in 0..at_mode.logits[c].active.len() {
+                assert!(gradient(&at_mode, c, i).abs() < 1e-3, "{}", gradient(&at_mode, c, i));
+            }
+        }
+    }
+}

@@ -14,7 +14,7 @@ mod table;
 mod updates;
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context as _, bail, ensure};
@@ -33,14 +33,14 @@ pub use self::updates::UpdatesRow;
 use super::write_json;
 use crate::config::{ExecConfig, Method, Motion, TrackConfig, TrackParams};
 use crate::predict::{Activity, LatentPoses, PosePredictor, TransitionPredictor};
-use crate::progress::Progress;
+use crate::progress::{Progress, note};
 use crate::shape::{ShapeConfig, Told, light_tracking, shape_from_masks};
 use crate::stage::{FittedSequence, Sequence, fit_sequence, personal_joints};
 use crate::track::pose_model::{FreeJoints, PoseModel, pose_model};
 use crate::track::refine::Refiner;
 use crate::train::{
-    DescriptorKind, Recordings, STATURE_SD_M, TrainConfig, TrainingFrames, first_markers, notice_of,
-    sequence_masks, train_on_sequence, train_transitions,
+    DescriptorKind, Recordings, STATURE_SD_M, TrainConfig, TrainingFrames, first_markers, kept_predictor,
+    notice_of, sequence_masks, train_on_sequence, train_transitions,
 };
 
 /// The camera of most rows.
@@ -138,7 +138,25 @@ pub fn evaluate(eval: &StageEval) -> anyhow::Result<StageReport> {
         .num_threads(eval.exec.threads)
         .build()
         .with_context(|| format!("cannot start {} threads", eval.exec.threads))?;
-    pool.install(|| run(eval))
+    if let Some(frames) = eval.frames.filter(|frames| eval.recovery && *frames < recovery::N_FRAMES) {
+        bail!("`frames` is {frames}, expected {} or more for `recovery`", recovery::N_FRAMES);
+    }
+    let eval = StageEval { methods: possible_methods(eval)?, ..eval.clone() };
+    pool.install(|| run(&eval))
+}
+
+/// The trackers that can be made of what is learned from; `opf` is what a sequence teaches of the next pose.
+fn possible_methods(eval: &StageEval) -> anyhow::Result<Vec<Method>> {
+    let is_possible = |method: &Method| eval.train == TrainOn::Sequence || *method != Method::Opf;
+    let methods: Vec<Method> = eval.methods.iter().copied().filter(is_possible).collect();
+    ensure!(
+        !methods.is_empty(),
+        "`methods` is opf, expected others unless a sequence trains its own trackers"
+    );
+    if methods.len() < eval.methods.len() {
+        note("opf is left out: it needs what the sequence itself teaches of the next pose");
+    }
+    Ok(methods)
 }
 
 fn run(eval: &StageEval) -> anyhow::Result<StageReport> {
@@ -208,20 +226,13 @@ fn run(eval: &StageEval) -> anyhow::Result<StageReport> {
     Ok(report)
 }
 
-/// The settings of every run unless others are asked for: one filter of 200 particles and 10 layers, as in the paper. Who does
-/// a known thing moves as people do who were seen doing it: their steps need hardly be widened, and a predictor that was trained on
-/// them always has its say. Poses of other people have to be widened a little, those of the person themselves hardly.
+/// The settings of every run unless others are asked for: those of somebody who does a known thing, with one filter of 200
+/// particles and 10 layers, as in the paper. Poses of the person themselves hardly have to be widened.
 pub fn default_config(train: TrainOn) -> TrackConfig {
-    let config = TrackConfig { modes: 1, diffusion: 1.5, least_share: 0.4, ..TrackConfig::default() };
+    let config = Activity::Walk.over(TrackConfig { modes: 1, ..TrackConfig::default() });
     match train {
-        TrainOn::Sequence => TrackConfig {
-            prior_widening: 1.1,
-            least_sd: 0.005,
-            least_step: 0.0005,
-            frees_clavicles: false,
-            ..config
-        },
-        TrainOn::Others | TrainOn::None => Activity::Walk.over(config),
+        TrainOn::Sequence => TrackConfig { least_sd: 0.005, least_step: 0.0005, ..config },
+        TrainOn::Others | TrainOn::None => config,
     }
 }
 
@@ -293,7 +304,7 @@ struct Learned {
     prior: PosePrior,
     /// Where the settings ask for it.
     latent: Option<LatentPoses>,
-    predictor: PosePredictor,
+    predictor: Option<PosePredictor>,
     transitions: Option<Arc<TransitionPredictor>>,
 }
 
@@ -320,7 +331,7 @@ impl Prepared {
                     false => None,
                 };
                 let body = BodyModel::builtin().shape(&frames.shape);
-                Learned { body, prior, latent, predictor, transitions }
+                Learned { body, prior, latent, predictor: Some(predictor), transitions }
             }
             (_, None) => {
                 let activity = Activity::called(&sequence.activity);
@@ -328,7 +339,7 @@ impl Prepared {
                     body: body_from_masks(&sequence, &test)?,
                     prior: activity.prior(),
                     latent: needs_latent.then(|| activity.latent()),
-                    predictor: activity.predictor(),
+                    predictor: shipped_predictor(&sequence, activity)?,
                     transitions: None,
                 }
             }
@@ -342,7 +353,7 @@ impl Prepared {
                     body: body_from_masks(&sequence, &test)?,
                     prior: others.prior(activity)?,
                     latent: needs_latent.then(|| others.latent(activity, activity.n_latent())).transpose()?,
-                    predictor: predictor_of_others(&sequence, &others, activity, eval)?,
+                    predictor: Some(predictor_of_others(&sequence, &others, activity, eval)?),
                     transitions: None,
                 }
             }
@@ -358,7 +369,7 @@ impl Prepared {
             truth,
             moving_dofs,
             model,
-            predictor: Some(Arc::new(predictor)),
+            predictor: predictor.map(Arc::new),
             transitions,
             refiner,
             sequence,
@@ -379,6 +390,19 @@ fn body_from_masks(sequence: &Sequence, range: &std::ops::Range<usize>) -> anyho
     Ok(match shape_from_masks(&model, &camera, &masks, sequence.fps, &track, &config)? {
         Some((fit, _)) => model.shape(&fit.given(&model, &told, |body| vec![body.stature_m()])),
         None => model.shape_for_stature(sequence.stature_m, None),
+    })
+}
+
+/// The predictor that the program ships for an activity; none, said aloud, where it was not trained for such a camera.
+fn shipped_predictor(sequence: &Sequence, activity: Activity) -> anyhow::Result<Option<PosePredictor>> {
+    let predictor = activity.predictor();
+    let height_m = sequence.camera(cameras_of(sequence)[0])?.centre_world().z;
+    Ok(match predictor.training().check(height_m, activity.name()) {
+        Ok(()) => Some(predictor),
+        Err(reason) => {
+            note(&format!("{}: nothing of the pose from a single mask: {reason}", sequence.title()));
+            None
+        }
     })
 }
 
@@ -425,46 +449,4 @@ fn predictor_of_others(
     let predictor = others.predictor(activity, &config)?;
     predictor.write(&path)?;
     Ok(predictor)
-}
-
-/// The predictor in a file, which must have learned from the frames that `expected` names: those of another run may be this
-/// run's test frames.
-fn kept_predictor(path: &Path, expected: &str, descriptor: DescriptorKind) -> anyhow::Result<PosePredictor> {
-    let predictor = PosePredictor::read(path)?;
-    let kind = DescriptorKind::of(predictor.descriptor());
-    ensure!(
-        kind == descriptor,
-        "{}: `descriptor` is {kind:?}, expected {descriptor:?}: remove the file or name another folder",
-        path.display()
-    );
-    let found = &predictor.training().notice;
-    ensure!(
-        found == expected,
-        "{}: `training.notice` is \"{found}\", expected \"{expected}\": remove the file or name another folder",
-        path.display()
-    );
-    Ok(predictor)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_predictor_of_other_frames_is_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("S3-Jog_1.bin");
-        let shipped = Activity::Any.predictor();
-        shipped.write_small(&path).unwrap();
-        let own = &shipped.training().notice;
-        assert!(kept_predictor(&path, own, DescriptorKind::Crop).is_ok());
-        let error = kept_predictor(&path, "frames 200 to 523 of S3 Jog", DescriptorKind::Crop)
-            .unwrap_err()
-            .to_string();
-        assert!(error.contains("S3-Jog_1.bin: `training.notice` is \""), "{error}");
-        assert!(
-            error.contains(own.as_str()) && error.contains("expected \"frames 200 to 523 of S3 Jog\""),
-            "{error}"
-        );
-    }
 }

@@ -10,12 +10,15 @@ use serde::Serialize;
 use super::rows::follow;
 use super::{MAIN_CAMERA, Prepared, StageEval};
 use crate::config::{Method, TrackConfig};
+use crate::run_folder::FrameRecord;
 
 /// The frame on which the pose is replaced,
 const REPLACED_AT: usize = 100;
-/// the frames the tracker has to find back, and
+/// the frames the tracker has to find back.
 const FRAMES_TO_RECOVER: usize = 10;
-/// the root-relative error under which it has, mm.
+/// Frames that a study takes.
+pub(super) const N_FRAMES: usize = REPLACED_AT + FRAMES_TO_RECOVER;
+/// The root-relative error under which it has, mm.
 const RECOVERED_MM: f64 = 60.0;
 
 /// How often a tracker came back from one kind of wrong pose.
@@ -48,7 +51,7 @@ const WRONG_POSES: [(&str, Wrong); 3] = [
 
 /// Replaces the pose of every tracker on a frame of its track, and counts how often it is right soon after.
 pub(super) fn study(prepared: &Prepared, eval: &StageEval) -> anyhow::Result<Vec<RecoveryRow>> {
-    if prepared.n_frames() < REPLACED_AT + FRAMES_TO_RECOVER {
+    if prepared.n_frames() < N_FRAMES {
         return Ok(Vec::new());
     }
     let Some(kind) = eval.masks.first() else { return Ok(Vec::new()) };
@@ -64,16 +67,17 @@ pub(super) fn study(prepared: &Prepared, eval: &StageEval) -> anyhow::Result<Vec
                 TrackConfig { seed: *seed, method: *method, adapt: 0, smooth: 0, ..eval.config.clone() };
             let mut follower = prepared.follower(config, MAIN_CAMERA)?;
             let before = follow(&mut follower, &masks, 0..REPLACED_AT, |_, _| ())?;
-            let pose = &before[REPLACED_AT - 1].pose;
-            let Some(checkpoint) = follower.checkpoint()? else { return Ok([false; WRONG_POSES.len()]) };
+            let (Some(FrameRecord { pose, .. }), Some(checkpoint)) = (before.last(), follower.checkpoint()?)
+            else {
+                return Ok([false; WRONG_POSES.len()]);
+            };
             let mut recovered = [false; WRONG_POSES.len()];
             for (recovered, (_, wrong)) in recovered.iter_mut().zip(WRONG_POSES) {
                 follower.restore(&checkpoint)?;
                 follower.displace(&wrong(pose, camera))?;
-                let frames = REPLACED_AT..REPLACED_AT + FRAMES_TO_RECOVER;
+                let frames = REPLACED_AT..N_FRAMES;
                 let after = follow(&mut follower, &masks, frames, |_, _| ())?;
-                let last = REPLACED_AT + FRAMES_TO_RECOVER - 1;
-                let errors = prepared.score_from(&after[FRAMES_TO_RECOVER - 1..], last);
+                let errors = prepared.score_from(&after[FRAMES_TO_RECOVER - 1..], N_FRAMES - 1);
                 *recovered = errors.root_mm < RECOVERED_MM;
             }
             Ok(recovered)

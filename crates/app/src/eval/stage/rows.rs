@@ -1,6 +1,6 @@
 //! The rows of the table: every tracker on one sequence, from one camera, over all seeds.
 
-use anyhow::ensure;
+use anyhow::Context as _;
 use bme::Coverage;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -11,7 +11,7 @@ use super::score::{TrackErrors, TrueFrame, score};
 use super::{Prepared, StageEval};
 use crate::config::{Method, TrackConfig, TrackParams};
 use crate::eval::joint_error::mean;
-use crate::run_folder::FrameRecord;
+use crate::run_folder::{FrameRecord, Status};
 use crate::track::follower::Follower;
 use crate::track::tracker::Scene;
 use crate::train::sequence_masks;
@@ -172,12 +172,13 @@ impl Prepared {
         let records = follow(&mut follower, masks, 0..masks.len(), |follower, frame| {
             coverage.extend(associations.map(|a| a.coverage(follower, &masks[frame], camera_world)));
         })?;
-        ensure!(
-            records.len() == masks.len(),
-            "{}: nobody was seen on {} frames",
-            self.sequence.folder.display(),
-            masks.len() - records.len()
-        );
+        let first = records.first().with_context(|| {
+            format!("{}: nobody on any of {} masks", self.sequence.folder.display(), masks.len())
+        })?;
+        // A person who is not seen at first is lost there, and stands where they are found.
+        let unseen =
+            (0..first.frame).map(|frame| FrameRecord { frame, status: Status::Lost, ..first.clone() });
+        let records = unseen.chain(records.iter().cloned()).collect();
         Ok((records, coverage))
     }
 

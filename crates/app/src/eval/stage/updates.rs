@@ -70,7 +70,8 @@ pub(super) fn study(prepared: &Prepared, eval: &StageEval) -> anyhow::Result<Vec
         let trained = train_on_frames(&frames, &few, &eval.training())?;
         predictors.push((format!("{} frames", few.len()), true, Arc::new(trained)));
     } else {
-        predictors.push(("other people".to_owned(), false, own.clone()));
+        let trained_on = if eval.train == TrainOn::Others { "other people" } else { "as shipped" };
+        predictors.push((trained_on.to_owned(), false, own.clone()));
     }
     let masks = prepared.masks(MAIN_CAMERA, kind)?;
     let mut rows = Vec::new();
