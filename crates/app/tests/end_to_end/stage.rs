@@ -163,7 +163,7 @@ fn shipped_models_are_scored_without_training() {
         camera["T"][row] = json!(t * 3.0);
     }
     stage.write("calibration/C2.json", camera.to_string());
-    let answer = Answer::of(&mut stage.eval("high").args(["--train", "none", "--methods", "jpf"]));
+    let answer = Answer::of(stage.eval("high").args(["--train", "none", "--methods", "jpf"]));
     assert!(
         answer.stderr.contains("S1 Walking: nothing of the pose from a single mask"),
         "{}",
@@ -210,7 +210,7 @@ fn what_cannot_be_trained_on_is_named() {
     stage.empty_masks(0..80);
     Answer::of(&mut stage.train("models"))
         .failed(1, &["S1/Walking_1: no training frame with a person and valid joints, expected some"]);
-    Answer::of(&mut stage.eval("eval").args(["--train", "none"]))
+    Answer::of(stage.eval("eval").args(["--train", "none"]))
         .failed(1, &["S1/Walking_1: nobody on any of 4 masks"]);
 
     let sequence = fs::read_to_string(stage.path("S1/Walking_1/sequence.json")).expect("a sequence");
