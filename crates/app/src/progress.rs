@@ -13,7 +13,7 @@ pub fn note(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// How far a run over frames has come, with its rate and the time that remains.
+/// How far a run over many things has come, with its rate and the time that remains.
 pub struct Progress {
     what: &'static str,
     total: Option<u64>,
@@ -33,7 +33,7 @@ enum Display {
 }
 
 impl Progress {
-    /// Starts to count; `done` frames are there already, of `total` where that is known.
+    /// Starts to count `what`, in the plural; `done` of them are there already, of `total` where that is known.
     pub fn start(what: &'static str, done: u64, total: Option<u64>) -> Self {
         let now = Instant::now();
         let display = if std::io::stderr().is_terminal() {
@@ -48,7 +48,7 @@ impl Progress {
         Self { what, total, done, first: done, started: now, display }
     }
 
-    /// One more frame is done.
+    /// One more is done.
     pub fn advance(&mut self) {
         self.done += 1;
         match &mut self.display {
@@ -70,7 +70,7 @@ impl Progress {
         }
     }
 
-    /// Frames a second since the start.
+    /// Things a second since the start.
     fn rate(&self) -> f64 {
         (self.done - self.first) as f64 / self.started.elapsed().as_secs_f64().max(f64::MIN_POSITIVE)
     }
@@ -92,9 +92,9 @@ impl Drop for Progress {
 
 fn bar_style(with_total: bool) -> ProgressStyle {
     let template = if with_total {
-        "{prefix} {wide_bar:.cyan/dim} {pos}/{len} frames  {per_sec}  {eta} left"
+        "{prefix} {wide_bar:.cyan/dim} {pos}/{len}  {per_sec}  {eta} left"
     } else {
-        "{prefix} {spinner} {pos} frames  {per_sec}"
+        "{prefix} {spinner} {pos}  {per_sec}"
     };
     ProgressStyle::with_template(template).expect("the templates above are well formed")
 }
@@ -103,10 +103,10 @@ fn plain_line(what: &str, done: u64, total: Option<u64>, rate: f64) -> String {
     match total {
         Some(total) if rate > 0.0 => {
             let left = total.saturating_sub(done) as f64 / rate;
-            format!("{what}: {done} of {total} frames, {rate:.1} a second, {left:.0} s left")
+            format!("{what}: {done} of {total}, {rate:.1} a second, {left:.0} s left")
         }
-        Some(total) => format!("{what}: {done} of {total} frames"),
-        None => format!("{what}: {done} frames, {rate:.1} a second"),
+        Some(total) => format!("{what}: {done} of {total}"),
+        None => format!("{what}: {done}, {rate:.1} a second"),
     }
 }
 
@@ -116,9 +116,8 @@ mod tests {
 
     #[test]
     fn lines_tell_rate_and_time_left() {
-        let line = plain_line("tracking", 40, Some(100), 6.0);
-        assert_eq!(line, "tracking: 40 of 100 frames, 6.0 a second, 10 s left");
-        assert_eq!(plain_line("tracking", 40, None, 6.0), "tracking: 40 frames, 6.0 a second");
-        assert_eq!(plain_line("tracking", 0, Some(100), 0.0), "tracking: 0 of 100 frames");
+        assert_eq!(plain_line("frames", 40, Some(100), 6.0), "frames: 40 of 100, 6.0 a second, 10 s left");
+        assert_eq!(plain_line("frames", 40, None, 6.0), "frames: 40, 6.0 a second");
+        assert_eq!(plain_line("frames", 0, Some(100), 0.0), "frames: 0 of 100");
     }
 }

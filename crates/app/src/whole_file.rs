@@ -12,7 +12,8 @@ use crate::run_folder::WriteRunError;
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), WriteRunError> {
     let folder = path.parent().unwrap_or(Path::new("."));
     fs::create_dir_all(folder).map_err(|source| WriteRunError::Folder { path: folder.to_owned(), source })?;
-    let partial = path.with_extension("partial");
+    let mut partial = path.as_os_str().to_owned();
+    partial.push(".part");
     let written = fs::write(&partial, bytes).and_then(|()| fs::rename(&partial, path));
     if written.is_err() {
         // The first error is the one to report.

@@ -1,7 +1,7 @@
 //! Seconds, vectors and test error on fixed regression and classification tasks.
 //!
 //! `cargo run --release -p bme --example rvm_bench -- FOLDER [TASK...]`, where FOLDER holds one folder a task with
-//! `x_train.npy`, `y_train.npy`, `x_test.npy` and `y_test.npy`, such as `rvm_rivals.py` makes. The time is that of one fit on one thread, from the
+//! `x_train.npy`, `y_train.npy`, `x_test.npy` and `y_test.npy`, as `rvm_rivals.py` makes them for sinc and Friedman. The time is that of one fit on one thread, from the
 //! inputs to the model, kernels included; the least of three.
 #![allow(clippy::print_stdout, reason = "a program that prints a table")]
 
@@ -27,6 +27,13 @@ fn main() -> Outcome<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let (folder, wanted) = arguments.split_first().ok_or("usage: rvm_bench FOLDER [TASK...]")?;
     let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+    if let Some(unknown) = wanted.iter().find(|name| TASKS.iter().all(|(task, _)| task != name)) {
+        return Err(format!(
+            "no task is called {unknown}, expected some of {:?}",
+            TASKS.map(|(task, _)| task)
+        )
+        .into());
+    }
     println!("{:<14} {:>9} {:>8} {:>11}", "task", "seconds", "vectors", "test error");
     for (task, inverse_width) in TASKS {
         let folder = Path::new(folder).join(task);

@@ -40,12 +40,12 @@ def make(folder, problem, n):
     """The four tables of a task, from its folder where they are there already."""
     folder = folder / f"{problem}_{n}"
     parts = ("x_train", "y_train", "x_test", "y_test")
-    if not folder.is_dir():
+    if not all((folder / f"{part}.npy").is_file() for part in parts):
         truth, bounds, dim, noise, _ = PROBLEMS[problem]
         rng = np.random.default_rng(0)
         x, x_test = (rng.uniform(*bounds, (count, dim)) for count in (n, N_TEST))
         tables = (x, truth(x) + rng.normal(0, noise, n), x_test, truth(x_test))
-        folder.mkdir(parents=True)
+        folder.mkdir(parents=True, exist_ok=True)
         for part, table in zip(parts, tables):
             np.save(folder / f"{part}.npy", table)
     return [np.load(folder / f"{part}.npy") for part in parts]
@@ -69,6 +69,8 @@ def with_fastrvm(x, y, inverse_width):
 
 
 def main():
+    if len(sys.argv) != 2:
+        sys.exit("usage: rvm_rivals.py FOLDER")
     folder = Path(sys.argv[1])
     print(f"{'package':<12} {'task':<14} {'seconds':>9} {'vectors':>8} {'test error':>11}")
     for problem, n in ((problem, n) for problem in PROBLEMS for n in SIZES):

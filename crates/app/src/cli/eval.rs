@@ -74,7 +74,7 @@ pub struct StageArgs {
     /// Kinds of masks, separated by commas.
     #[arg(long, value_name = "KINDS", value_delimiter = ',', default_value = "observed")]
     masks: Vec<String>,
-    /// Trackers, separated by commas.
+    /// Trackers, separated by commas; opf is left out where the sequence itself trains nothing.
     #[arg(long, value_name = "NAMES", value_enum, value_delimiter = ',', default_value = "apf,opf,jpf,jlm")]
     methods: Vec<Method>,
     /// What the trackers learn from.

@@ -100,8 +100,8 @@ pub struct SettingsArgs {
     /// Settings to begin with [default: best].
     #[arg(long, value_enum)]
     preset: Option<Preset>,
-    /// A TOML file of settings, named as in the table `settings` of a run.toml; what is an option only, as `activity` and
-    /// `frames`, is none.
+    /// A TOML file of settings, named as in the table `settings` of a run.toml, but without those that are options only:
+    /// `activity`, `frames`, `learned_background`, `assumed_camera`.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     #[arg(long, value_name = "N", help = or_else("Particles of the filter", defaults().particles))]

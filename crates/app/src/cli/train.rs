@@ -31,8 +31,9 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FOLDER")]
     stage: Option<PathBuf>,
     /// Sequences of it, as `S1/Walking_1`. Without any, the models that the program ships are trained: priors over the poses
-    /// of recorded people and of the training frames of the stage-like data set, and predictors on masks rendered of them. Models
-    /// that are in the output folder already, learned from the same, are kept: an interrupted training goes on there.
+    /// of recorded people and of the training frames of the stage-like data set, latent poses, and predictors on masks rendered of
+    /// them. Either way, models that are in the output folder already are kept, whatever their settings: an interrupted training
+    /// goes on there. Those of other frames or another source are refused.
     #[arg(long, value_name = "SEQUENCE", num_args = 1..)]
     sequence: Vec<String>,
     /// The folder of recorded motion for those; without --stage, they learn from it alone [default: cmu of the data folder, and
@@ -138,41 +139,47 @@ fn train_shipped(args: &TrainArgs) -> anyhow::Result<()> {
     if let Some(stage) = stage {
         recordings.add_stage(&Sequence::read_all(&stage)?, &args.camera)?;
     }
-    train_all(args, &recordings).with_context(|| format!("{}: cannot be trained on", folder.display()))
-}
-
-fn train_all(args: &TrainArgs, recordings: &Recordings) -> anyhow::Result<()> {
     let config = args.config().for_people_at_large();
-    let notice = recordings.notice();
-    let mut progress = Progress::start("training", 0, Some(Activity::ALL.len() as u64));
+    let path = |kind: &str, activity: Activity| args.out.join(format!("{kind}-{}.bin", activity.name()));
     for activity in Activity::ALL {
-        let path = |kind: &str| args.out.join(format!("{kind}-{}.bin", activity.name()));
+        let [latent, predictor] = ["latent", "predict"].map(|kind| path(kind, activity));
+        if latent.is_file() {
+            kept_latent(&latent, &recordings.notice())?;
+        }
+        if predictor.is_file() {
+            kept_predictor(&predictor, &recordings.notice(), config.descriptor)?;
+        }
+    }
+    let cannot_learn = || format!("{}: cannot be trained on", folder.display());
+    let mut progress = Progress::start("models", 0, Some(Activity::ALL.len() as u64));
+    for activity in Activity::ALL {
+        let [prior, latent, predict] = ["prior", "latent", "predict"].map(|kind| path(kind, activity));
         if activity != Activity::Any {
-            write_whole(&path("prior"), &recordings.prior(activity)?.to_bytes())?;
+            let learned = recordings.prior(activity).with_context(cannot_learn)?;
+            write_whole(&prior, &learned.to_bytes())?;
         }
         let start = Instant::now();
-        if path("latent").is_file() {
-            kept_latent(&path("latent"), &notice)?;
-            progress.note(&there_already(&path("latent")));
+        if latent.is_file() {
+            progress.note(&there_already(&latent));
         } else {
-            write_whole(&path("latent"), &recordings.latent(activity, activity.n_latent())?.to_bytes())?;
-            note(&format!("{}: {:.1} s", path("latent").display(), start.elapsed().as_secs_f64()));
+            let learned = recordings.latent(activity, activity.n_latent()).with_context(cannot_learn)?;
+            write_whole(&latent, &learned.to_bytes())?;
+            note(&format!("{}: {:.1} s", latent.display(), start.elapsed().as_secs_f64()));
         }
         let start = Instant::now();
-        if path("predict").is_file() {
-            kept_predictor(&path("predict"), &notice, config.descriptor)?;
-            progress.note(&there_already(&path("predict")));
+        if predict.is_file() {
+            progress.note(&there_already(&predict));
         } else {
-            let predictor = recordings.predictor(activity, &config)?;
-            predictor.write_small(&path("predict"))?;
-            say(&path("predict"), &predictor, start);
+            let predictor = recordings.predictor(activity, &config).with_context(cannot_learn)?;
+            predictor.write_small(&predict)?;
+            say(&predict, &predictor, start);
         }
         progress.advance();
     }
     Ok(())
 }
 
-/// Settings are not in a model, so that it may be one of others.
+/// A model does not tell its settings, so that one that is kept may have been trained with others.
 fn there_already(path: &Path) -> String {
     format!("{}: there already, and kept; remove it to train it anew", path.display())
 }

@@ -92,7 +92,7 @@ fn describe(folder: &Path, files: &[PathBuf]) -> anyhow::Result<SourceInfo> {
     })
 }
 
-/// The first two files in a row whose numbers are further apart than those of the first two of all.
+/// The first two files in a row whose numbers are further apart than the nearest two are.
 fn gap(files: &[PathBuf]) -> Option<[String; 2]> {
     let name = |file: &PathBuf| Some(file.file_stem()?.to_string_lossy().into_owned());
     let number = |file: &PathBuf| -> Option<u64> {
@@ -100,7 +100,7 @@ fn gap(files: &[PathBuf]) -> Option<[String; 2]> {
         name[name.trim_end_matches(|c: char| c.is_ascii_digit()).len()..].parse().ok()
     };
     let step = |pair: &[PathBuf]| number(&pair[1])?.checked_sub(number(&pair[0])?);
-    let usual = files.get(..2).and_then(step)?;
+    let usual = files.windows(2).filter_map(step).min()?;
     let pair = files.windows(2).find(|pair| step(pair).is_some_and(|step| step > usual))?;
     Some([name(&pair[0])?, name(&pair[1])?])
 }

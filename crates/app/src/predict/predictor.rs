@@ -6,6 +6,7 @@ use silhouette::Mask;
 
 use super::descriptor::MaskDescriptor;
 use super::pose_space::PoseSpace;
+use super::shipped::Activity;
 use super::viewed::ViewedPose;
 
 /// What a predictor was trained for.
@@ -52,7 +53,7 @@ pub enum NotTrainedFor {
 
 impl Training {
     /// Whether the predictor knows what a camera at this height above the floor shows of this activity; a predictor of
-    /// `any` knows all activities.
+    /// `any` knows all activities, and one of something that has no name here counts as told of anything.
     ///
     /// # Errors
     /// [`NotTrainedFor`] says what is different.
@@ -61,7 +62,9 @@ impl Training {
         if !(least_m - HEIGHT_TOLERANCE_M..=most_m + HEIGHT_TOLERANCE_M).contains(&camera_height_m) {
             return Err(NotTrainedFor::CameraHeight { found_m: camera_height_m, least_m, most_m });
         }
-        if self.activity != "any" && self.activity != activity {
+        let own = Activity::called(&self.activity).name();
+        let fits = self.activity == "any" || own == activity;
+        if !fits {
             let (found, trained) = (activity.to_owned(), self.activity.clone());
             return Err(NotTrainedFor::Activity { found, trained });
         }

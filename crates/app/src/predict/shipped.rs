@@ -137,6 +137,7 @@ mod tests {
                 assert!(prior.notice().contains("mocap.cs.cmu.edu"));
                 assert_eq!(training.check(1.5, activity.name()), Ok(()));
             }
+            println!("models of {}: {:.0} ms", activity.name(), 1e3 * least.as_secs_f64());
             // 200 ms are promised on a quiet machine; tests share theirs.
             assert!(least < Duration::from_millis(600), "{}: {least:?}", activity.name());
         }

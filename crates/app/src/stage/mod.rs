@@ -156,14 +156,14 @@ impl Sequence {
         let markers = read_markers(&folder.join("joints.csv"))?;
         let rotations = read_rotations(&folder.join("segments.csv"))?;
         let [test, train] = [file.test_range, file.train_range].map(|[first, last]| first..last + 1);
+        let n_frames = markers.len().min(rotations.len());
         for (field, range) in [("test_range", &test), ("train_range", &train)] {
-            if range.is_empty() || range.end > markers.len() || range.end > rotations.len() {
+            if range.is_empty() || range.end > n_frames {
                 bail!(
-                    "{}: `{field}` is [{}, {}], expected first and last of the {} frames with joints",
+                    "{}: `{field}` is [{}, {}], expected first and last of the {n_frames} frames in joints.csv and segments.csv",
                     path.display(),
                     range.start,
                     range.end - 1,
-                    markers.len()
                 );
             }
         }

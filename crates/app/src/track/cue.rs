@@ -13,7 +13,7 @@ use crate::predict::PosePredictor;
 
 /// Poses drawn from a prediction: enough to hold its few modes and their spread.
 const N_CENTRES: usize = 96;
-/// Modes of a prediction that a start tries.
+/// Modes of a prediction that a start tries, and about which its spread is taken.
 const N_MODES: usize = 4;
 /// Turns of the pelvis by less are the same way.
 const SAME_WAY_RAD: f64 = FRAC_PI_3;
@@ -102,8 +102,10 @@ impl Cue {
     }
 }
 
-/// Kernels for a density given by `centres`: as wide as Silverman's rule `[Silverman1986]` has it for their spread about the
-/// mode that each faces like, and a step of the motion at least.
+/// Kernels for a density given by `centres`: as wide as the rule for normal data has it (`[Silverman1986]`, equation 4.14 for each
+/// coordinate), and a step of a sixtieth of a second at least.
+///
+/// Deviation: the spread is that about the mode that each centre faces like, for predictions have several.
 fn kernel(space: &BodySpace, centres: &[BodyState], modes: &[BodyState]) -> Gaussian {
     let [dim, n] = [space.dim() - N_PLACE, centres.len()].map(|count| count as f64);
     let factor = (4.0 / ((dim + 2.0) * n)).powf(1.0 / (dim + 4.0));
@@ -268,6 +270,17 @@ mod tests {
         let mut expected = vec![0.0; space.dim()];
         expected[bend] = 0.16;
         assert!(variance.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-9), "{variance:?}");
+        // n = 4 draws in d dimensions: (4 / ((d + 2) n))^(1 / (d + 4)) standard deviations, and a step.
+        let dim = (space.dim() - N_PLACE) as f64;
+        let step = space.model().step_sd()[bend - RIGID_DIM];
+        let mut sd: Vec<f64> = space
+            .model()
+            .rigid_step_sd()
+            .into_iter()
+            .chain(space.model().step_sd().iter().copied())
+            .collect();
+        sd[bend] = (0.4 * (1.0 / (dim + 2.0)).powf(1.0 / (dim + 4.0))).hypot(step);
+        assert_eq!(kernel(&space, &centres, &modes), Gaussian::diagonal(sd).expect("they are positive"));
         // Between the two draws of a mode the evidence is that of either, nearly; far from both it is little.
         let cue = Cue::from_draws(&space, centres, modes.to_vec());
         let evidence = |by: f64| cue.log_evidence(&space, &draw(&modes[0], by));

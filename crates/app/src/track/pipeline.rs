@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::{Context as _, bail};
+use anyhow::{Context as _, bail, ensure};
 use body::{BodyModel, Camera};
 use silhouette::Mask;
 
@@ -177,7 +177,7 @@ fn run(job: &TrackJob) -> anyhow::Result<TrackOutcome> {
     let n_resumed = frames.len();
 
     let total = info.n_frames.map(|n| n.min(range.end).saturating_sub(range.start));
-    let mut progress = Progress::start("tracking", n_resumed as u64, total);
+    let mut progress = Progress::start("frames", n_resumed as u64, total);
     for assumption in &assumptions {
         progress.note(&format!("assumed: {assumption}"));
     }
@@ -255,6 +255,11 @@ fn predictor_for(
     assumptions: &mut Vec<String>,
 ) -> anyhow::Result<Option<Arc<PosePredictor>>> {
     if !job.config.method.asks_predictor() {
+        ensure!(
+            job.predictor.is_none(),
+            "settings: `method` is {}, expected jpf or jlm with a predictor",
+            job.config.method.name().to_lowercase()
+        );
         return Ok(None);
     }
     let height_m = camera.centre_world().z;

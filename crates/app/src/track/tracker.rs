@@ -504,8 +504,9 @@ impl Tracker {
         let states: Vec<BodyState> =
             once(mean).chain(modes.map(|mode| BodyState { position: mean.position, ..*mode })).collect();
         let begun = judge(&mut self.likelihood, seen, &states)?;
-        let has_hope = |reading: &&Reading| reading.fit >= begun[0].fit - HOPELESS;
-        let hopeful: Vec<BodyState> = begun.iter().filter(has_hope).map(|reading| reading.state).collect();
+        let has_hope = |mode: &&Reading| mode.fit >= begun[0].fit - HOPELESS;
+        let hopeful: Vec<BodyState> =
+            once(mean).chain(begun[1..].iter().filter(has_hope).map(|mode| mode.state)).collect();
         let (space, camera) = (self.filter.space(), &self.scene.camera);
         let refine = |state: &BodyState| {
             space.state_from_pose(&refiner.refine(camera, outline, &space.pose(state), steps))

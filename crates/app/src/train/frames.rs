@@ -39,6 +39,8 @@ pub struct TrainingFrames<'a> {
     pub sequence: &'a Sequence,
     /// The camera.
     pub camera: String,
+    /// Kind of masks: `observed` or `clean`.
+    pub kind: String,
     /// The masks, one a frame.
     pub masks: Vec<Mask>,
     /// Shape coefficients of the person as the masks show them, clothes included.
@@ -59,7 +61,7 @@ impl<'a> TrainingFrames<'a> {
         let body = BodyModel::builtin().shape(&shape);
         let rest = personal_joints(body.rest_joints(), &first_markers(sequence, &range)?);
         let motion = fit_sequence(sequence, range, rest, true);
-        Ok(Self { sequence, camera: camera.to_owned(), masks, shape, motion })
+        Ok(Self { sequence, camera: camera.to_owned(), kind: kind.to_owned(), masks, shape, motion })
     }
 
     /// The numbers of the frames.

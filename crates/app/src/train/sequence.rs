@@ -8,6 +8,7 @@ use super::frames::TrainingFrames;
 use super::render::turned_views;
 use super::{Examples, TrainConfig, fit_predictor};
 use crate::predict::{Activity, PosePredictor, Training, ViewedPose};
+use crate::stage::Sequence;
 
 /// The frames numbered `chosen` as their camera saw them, and rendered views of their poses.
 ///
@@ -47,16 +48,25 @@ pub(super) fn training_of(frames: &TrainingFrames<'_>, examples: &Examples) -> a
     let height_m = frames.sequence.camera(&frames.camera)?.centre_world().z;
     Ok(Training {
         notice: notice_of(frames),
-        activity: Activity::called(&frames.sequence.activity).name().to_owned(),
+        activity: activity_of(frames.sequence),
         camera_height_m: [height_m; 2],
         n_masks: examples.len() as u64,
     })
 }
 
+/// The activity that a sequence shows, by our name where there is one.
+fn activity_of(sequence: &Sequence) -> String {
+    match Activity::called(&sequence.activity) {
+        Activity::Any => sequence.activity.to_lowercase(),
+        known => known.name().to_owned(),
+    }
+}
+
 /// Which frames a predictor of a sequence learned from, as [`Training::notice`] says it.
 pub fn notice_of(frames: &TrainingFrames<'_>) -> String {
     let Range { start, end } = frames.range();
-    format!("frames {start} to {} of {}", end - 1, frames.sequence.title())
+    let TrainingFrames { sequence, camera, kind, .. } = frames;
+    format!("frames {start} to {} of {}, {kind} masks of camera {camera}", end - 1, sequence.title())
 }
 
 /// A predictor for one person, activity and camera.

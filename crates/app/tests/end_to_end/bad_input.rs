@@ -178,17 +178,17 @@ fn results_that_cannot_be_right_come_with_a_warning() {
 #[test]
 fn what_is_odd_about_masks_is_said() {
     let clip = Clip::of_balance(4);
-    fs::remove_file(clip.path("masks/0002.png")).expect("a mask");
+    fs::remove_file(clip.path("masks/0001.png")).expect("a mask");
     let answer = Answer::of(&mut clip.track("gap")).succeeded();
     assert!(
-        answer.stderr.contains("assumed: one frame after the other though 0003 follows 0001"),
+        answer.stderr.contains("assumed: one frame after the other though 0002 follows 0000"),
         "{}",
         answer.stderr
     );
     let mut inverted = crate::support::silhouette(0);
     inverted.pixels_mut().for_each(|pixel| pixel.0[0] = 255 - pixel.0[0]);
     let clip = Clip::of_masks(&[inverted]);
-    let answer = Answer::of(&mut clip.track("run"));
+    let answer = Answer::of(&mut clip.track("run")).succeeded();
     assert!(answer.stderr.contains("a person who fills 9"), "{}", answer.stderr);
 }
 
@@ -246,6 +246,8 @@ fn predictors_that_do_not_fit() {
         let mut track = clip.track("run");
         Answer::of(track.args(["--activity", "walk"]).arg("--predictor").arg(file)).failed(1, &[name, &part]);
     }
+    Answer::of(clip.track("run").args(["--method", "apf"]).arg("--predictor").arg(&shipped))
+        .failed(1, &["`method` is apf, expected jpf or jlm with a predictor"]);
     let another = "predict-walk.bin: the model is trained for `walk`, not for `box`";
     Answer::of(clip.track("run").args(["--activity", "box"]).arg("--predictor").arg(&shipped))
         .failed(1, &[another]);

@@ -1,7 +1,7 @@
 //! A mixture of axis-aligned normal distributions fitted to points: the prior over latent positions.
 
 use crate::kmeans::Clusters;
-use crate::linalg::log_sum_exp;
+use crate::linalg;
 use crate::{Gaussian, Inputs, MixtureDensity};
 
 /// Rounds of expectation maximisation.
@@ -31,8 +31,7 @@ pub(crate) fn fit_components(points: &Inputs, n_components: usize, seed: u64) ->
         };
         for i in 0..n {
             let joint = density.log_joint(&points.row_f64(i));
-            let total = log_sum_exp(&joint);
-            shares.iter_mut().zip(&joint).for_each(|(share, joint)| share[i] = (joint - total).exp());
+            shares.iter_mut().zip(linalg::shares(&joint)).for_each(|(share, own)| share[i] = own);
         }
     }
     density

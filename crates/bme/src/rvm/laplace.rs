@@ -222,11 +222,7 @@ impl<'a> Posterior<'a> {
         let design = self.labels.design;
         let mut height = self.log_posterior();
         for _ in 0..50 {
-            let residual = self.residual(c);
-            let logit = &self.logits[c];
-            let gradient: Vec<f64> = (0..logit.active.len())
-                .map(|i| dot(design.column(logit.active[i]), &residual) - logit.precisions[i] * logit.mean[i])
-                .collect();
+            let gradient = self.gradient(c);
             let Some(factor) = self.information(c).cholesky() else { return };
             let step = factor.solve(&gradient);
             if dot(&gradient, &step) < MODE_TOLERANCE {
@@ -287,6 +283,13 @@ impl<'a> Posterior<'a> {
         let probabilities = self.probabilities(c);
         let labels = self.labels.labels[c].iter().zip(&self.labels.weights);
         labels.zip(probabilities).map(|((r, w), g)| r - w * g).collect()
+    }
+
+    /// Slope of the log posterior along the weights of function `c`: Φᵀ(r − w g) − Aw.
+    fn gradient(&self, c: usize) -> Vec<f64> {
+        let (logit, residual) = (&self.logits[c], self.residual(c));
+        let bases = logit.active.iter().zip(logit.precisions.iter().zip(&logit.mean));
+        bases.map(|(&basis, (a, w))| dot(self.labels.design.column(basis), &residual) - a * w).collect()
     }
 
     /// ΦᵀBΦ + A of function `c`.
@@ -375,25 +378,19 @@ mod tests {
         let labels = Labels::new(&design, &labels, Labels::weights(&labels));
         let mut posterior = Posterior::new(&labels);
         posterior.climb(&RvmParams::new(RvmConfig::default()).unwrap());
-        let gradient = |posterior: &Posterior<'_>, c: usize, i: usize| {
-            let logit = &posterior.logits[c];
-            dot(design.column(logit.active[i]), &posterior.residual(c)) - logit.precisions[i] * logit.mean[i]
-        };
         for c in 0..3 {
             assert!(!posterior.logits[c].active.is_empty());
             for i in 0..posterior.logits[c].active.len() {
                 let off = moved(&posterior, c, i, 0.3);
                 let [low, high] = [-1e-4, 1e-4].map(|by| moved(&off, c, i, by).log_posterior());
-                let (slope, difference) = (gradient(&off, c, i), (high - low) / 2e-4);
+                let (slope, difference) = (off.gradient(c)[i], (high - low) / 2e-4);
                 assert!((slope - difference).abs() < 1e-5 * slope.abs().max(1.0), "{slope} and {difference}");
                 assert!(off.log_posterior() < posterior.log_posterior());
             }
             // The mode of each function given the others, to the tolerance of the search.
             let mut at_mode = posterior.clone();
             at_mode.find_mode(c);
-            for i in 0..at_mode.logits[c].active.len() {
-                assert!(gradient(&at_mode, c, i).abs() < 1e-3, "{}", gradient(&at_mode, c, i));
-            }
+            assert!(at_mode.gradient(c).iter().all(|slope| slope.abs() < 1e-3), "{:?}", at_mode.gradient(c));
         }
     }
 }

@@ -151,7 +151,7 @@ fn possible_methods(eval: &StageEval) -> anyhow::Result<Vec<Method>> {
     let methods: Vec<Method> = eval.methods.iter().copied().filter(is_possible).collect();
     ensure!(
         !methods.is_empty(),
-        "`methods` is opf, expected others unless a sequence trains its own trackers"
+        "`methods` is opf, expected apf, jpf or jlm with `--train none` or `others`"
     );
     if methods.len() < eval.methods.len() {
         note("opf is left out: it needs what the sequence itself teaches of the next pose");
@@ -168,7 +168,7 @@ fn run(eval: &StageEval) -> anyhow::Result<StageReport> {
         TrainOn::Others => Some(recordings(eval)?),
         TrainOn::Sequence | TrainOn::None => None,
     };
-    let mut progress = Progress::start("fitting the truth", 0, Some(sequences.len() as u64));
+    let mut progress = Progress::start("sequences prepared", 0, Some(sequences.len() as u64));
     let mut prepared = Vec::new();
     for sequence in sequences {
         prepared.push(Prepared::new(sequence, recordings.as_ref(), eval)?);
@@ -184,7 +184,7 @@ fn run(eval: &StageEval) -> anyhow::Result<StageReport> {
     }
     let associations: Vec<Option<Associations>> =
         prepared.iter().map(|prepared| Associations::of(prepared, eval)).collect::<anyhow::Result<_>>()?;
-    let mut progress = Progress::start("tracking", 0, Some(jobs.len() as u64));
+    let mut progress = Progress::start("views tracked", 0, Some(jobs.len() as u64));
     let mut rows = Vec::new();
     for (index, camera, kind) in jobs {
         rows.extend(prepared[index].rows(eval, camera, kind, associations[index].as_ref())?);
@@ -192,7 +192,7 @@ fn run(eval: &StageEval) -> anyhow::Result<StageReport> {
     }
     let mut recovery = Vec::new();
     if eval.recovery {
-        let mut progress = Progress::start("recovering", 0, Some(prepared.len() as u64));
+        let mut progress = Progress::start("sequences with wrong poses", 0, Some(prepared.len() as u64));
         for prepared in &prepared {
             recovery.extend(recovery::study(prepared, eval)?);
             progress.advance();
@@ -200,7 +200,7 @@ fn run(eval: &StageEval) -> anyhow::Result<StageReport> {
     }
     let mut updates = Vec::new();
     if eval.updates {
-        let mut progress = Progress::start("learning", 0, Some(prepared.len() as u64));
+        let mut progress = Progress::start("sequences learned on", 0, Some(prepared.len() as u64));
         for prepared in &prepared {
             updates.extend(updates::study(prepared, eval)?);
             progress.advance();
