@@ -153,7 +153,7 @@ fn shipped_models_are_scored_without_training() {
     assert_eq!(methods, ["apf", "jpf", "jlm"]);
     assert_eq!(rows[1]["lost"], 2.0, "nobody is seen on the first two frames");
     Answer::of(stage.eval("none").args(["--train", "none", "--methods", "opf"]))
-        .failed(1, &["`methods` is opf, expected others"]);
+        .failed(1, &["`methods` is opf, expected apf, jpf or jlm"]);
 
     // A camera above all that the models know: said, and done without them.
     let camera = fs::read_to_string(stage.path("calibration/C2.json")).expect("a camera");
